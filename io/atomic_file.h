@@ -1,0 +1,21 @@
+// Durable writes: a name on disk is either the old file or the complete new one, never a mixture.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace io {
+
+// Writes to a temporary name in the same folder, checks every write, syncs file and folder, and renames.
+// Parent folders are created. Throws kNoResources with the number of bytes needed.
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
+
+// Flushes every file below `folder`, then the folders, and renames it to `target`, replacing what stood
+// there. A crash between the two renames of a replacement leaves the old folder as `<target>.old`.
+void ReplaceFolder(const std::filesystem::path& folder, const std::filesystem::path& target);
+
+// The whole file; throws kBadInput when it cannot be read or exceeds `max_bytes`.
+std::string ReadFile(const std::filesystem::path& path, std::size_t max_bytes = std::size_t{1} << 30);
+
+}  // namespace io

@@ -1,0 +1,37 @@
+#include "io/interrupt.h"
+
+#include <signal.h>
+
+#include <atomic>
+
+#include "io/error.h"
+
+namespace io {
+namespace {
+
+std::atomic<int> pending_signal = 0;  // lock-free, hence safe in a handler
+
+void OnSignal(int number) {
+  if (pending_signal.exchange(number) != 0) {
+    signal(number, SIG_DFL);
+    raise(number);
+  }
+}
+
+}  // namespace
+
+void InstallInterruptHandlers() {
+  struct sigaction action = {};
+  action.sa_handler = OnSignal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+}
+
+int PendingInterrupt() { return pending_signal.load(); }
+
+void ThrowIfInterrupted() {
+  if (const int number = PendingInterrupt()) throw Interrupted(number);
+}
+
+}  // namespace io

@@ -1,0 +1,28 @@
+// Progress of long work on stderr: a live line with ETA on a terminal, a plain line every few seconds
+// otherwise.
+#pragma once
+
+#include <chrono>
+#include <string>
+
+namespace io {
+
+class Progress {
+ public:
+  explicit Progress(std::string title);
+  ~Progress();  // ends the live line
+
+  // fraction in [0, 1]; note: what a user wants to see beside it ("24.1 dB, 310 k rays/s").
+  void Update(double fraction, const std::string& note = "");
+
+ private:
+  std::string title_;
+  bool is_terminal_;
+  bool shown_ = false;
+  std::chrono::steady_clock::time_point start_, last_shown_;
+};
+
+// "1 h 02 min", "3 min 05 s", "4.2 s".
+std::string FormatDuration(double seconds);
+
+}  // namespace io
