@@ -1,0 +1,39 @@
+// A trained radiance field read from a checkpoint, and pictures rendered from it.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "io/scene.h"
+
+namespace nerf {
+
+struct RenderOptions {
+  int threads = 1;
+  // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose background is
+  // free. Captures have learned their background.
+  std::array<float, 3> background = {1, 1, 1};
+};
+
+struct RenderedView {
+  int width = 0, height = 0;
+  std::vector<float> rgb;      // [height][width][3], sRGB in [0, 1], background included
+  std::vector<float> depth;    // [height][width], expected depth along the ray in scene units
+  std::vector<float> opacity;  // [height][width], sum of weights
+};
+
+class TrainedField {
+ public:
+  // Throws kBadState naming the check that failed.
+  static std::unique_ptr<TrainedField> Load(const std::filesystem::path& checkpoint);
+  virtual ~TrainedField() = default;
+
+  // camera must be free of distortion. world_from_cam has OpenGL axes.
+  virtual RenderedView Render(const io::Camera& camera,
+                              const io::Rigid3d& world_from_cam,
+                              const RenderOptions& options) const = 0;
+};
+
+}  // namespace nerf
