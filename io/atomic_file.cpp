@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 
@@ -11,6 +12,8 @@
 
 namespace io {
 namespace {
+
+constexpr char kTemporaryExtension[] = ".pipeline-tmp";
 
 [[noreturn]] void Fail(const std::filesystem::path& path, const std::string& doing, std::size_t bytes) {
   const int error = errno;
@@ -35,7 +38,8 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
   std::error_code ignored;
   std::filesystem::create_directories(folder, ignored);
-  const std::filesystem::path temporary = path.string() + ".tmp" + std::to_string(getpid());
+  const std::string name = "." + path.filename().string() + "." + std::to_string(getpid());
+  const std::filesystem::path temporary = folder / (name + kTemporaryExtension);
   const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd < 0) Fail(path, "create", bytes.size());
   std::size_t done = 0;
@@ -58,17 +62,24 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   SyncPath(folder);
 }
 
+void RemoveTemporaries(const std::filesystem::path& folder) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() == kTemporaryExtension) std::filesystem::remove(entry.path());
+  }
+}
+
 void ReplaceFolder(const std::filesystem::path& folder, const std::filesystem::path& target) {
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file() && !entry.is_symlink()) SyncPath(entry.path());
+    if (!entry.is_symlink() && (entry.is_regular_file() || entry.is_directory())) SyncPath(entry.path());
   }
   SyncPath(folder);
-  const std::filesystem::path old = target.string() + ".old";
-  std::filesystem::remove_all(old);
-  if (std::filesystem::exists(target)) std::filesystem::rename(target, old);
-  std::filesystem::rename(folder, target);
+  const bool exchanged = renameat2(AT_FDCWD, folder.c_str(), AT_FDCWD, target.c_str(), RENAME_EXCHANGE) == 0;
+  if (!exchanged) {  // nothing to replace, or the file system cannot exchange
+    std::filesystem::remove_all(target);
+    if (rename(folder.c_str(), target.c_str()) != 0) Fail(target, "create", 0);
+  }
   SyncPath(target.parent_path());
-  std::filesystem::remove_all(old);
+  if (exchanged) std::filesystem::remove_all(folder);
 }
 
 std::string ReadFile(const std::filesystem::path& path, std::size_t max_bytes) {

@@ -11,8 +11,13 @@ namespace io {
 // Parent folders are created. Throws kNoResources with the number of bytes needed.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
 
-// Flushes every file below `folder`, then the folders, and renames it to `target`, replacing what stood
-// there. A crash between the two renames of a replacement leaves the old folder as `<target>.old`.
+// Removes what killed writers left below `folder`. Call it only where nobody else writes.
+void RemoveTemporaries(const std::filesystem::path& folder);
+
+// Flushes every file and folder below `folder` and renames it to `target`, replacing what stood there. After
+// a crash `target` is the old folder or the new one; the old one may be left under the name `folder`. (On
+// file systems that cannot exchange two names, such as NFS, `target` is missing for a moment.) Throws
+// kNoResources.
 void ReplaceFolder(const std::filesystem::path& folder, const std::filesystem::path& target);
 
 // The whole file; throws kBadInput when it cannot be read or exceeds `max_bytes`.

@@ -24,8 +24,8 @@ Image MakeImage(int width, int height, int channels);
 // run folder carry none). Grey becomes RGB; 16 bits become 8 by rounding v / 257. Throws kBadInput.
 Image ReadImage(const std::filesystem::path& path);
 
-// Writes PNG (lossless) or JPEG (by extension; quality 95, no chroma subsampling), atomically. Throws
-// kNoResources.
+// Writes PNG (lossless) or JPEG (by extension; quality 95, colour at half resolution: for viewing only),
+// atomically. Throws kNoResources.
 void WriteImage(const std::filesystem::path& path, const Image& image);
 
 // The same bytes WriteImage would write, for embedding. extension: ".png" or ".jpg".

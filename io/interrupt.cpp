@@ -23,9 +23,12 @@ void OnSignal(int number) {
 void InstallInterruptHandlers() {
   struct sigaction action = {};
   action.sa_handler = OnSignal;
+  action.sa_flags = SA_RESTART;  // libraries need not expect interrupted system calls; our loops poll
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // A closed pipe and a file at its size limit are reported as failed writes, not by ending the process.
   signal(SIGPIPE, SIG_IGN);
+  signal(SIGXFSZ, SIG_IGN);
 }
 
 int PendingInterrupt() { return pending_signal.load(); }

@@ -22,13 +22,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr auto kPoll = std::chrono::milliseconds(20);
-constexpr auto kTermGrace = std::chrono::seconds(2);
 constexpr int kExecFailed = 127;
 
 // Only async-signal-safe calls are allowed between fork and exec.
-[[noreturn]] void ExecChild(char* const* argv, const ProcessOptions& options, int log_fd, const char* dir) {
+[[noreturn]] void ExecChild(
+    char* const* argv, const ProcessOptions& options, int log_fd, const char* dir, pid_t parent) {
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != parent) _exit(kExecFailed);  // the parent died before the line above
   signal(SIGPIPE, SIG_DFL);
   const rlimit no_core = {0, 0};
   setrlimit(RLIMIT_CORE, &no_core);
@@ -47,10 +48,10 @@ constexpr int kExecFailed = 127;
   _exit(kExecFailed);
 }
 
-void KillGroup(pid_t pid, int* status, rusage* usage) {
-  kill(-pid, SIGTERM);
-  const auto deadline = Clock::now() + kTermGrace;
-  while (Clock::now() < deadline) {
+void KillGroup(pid_t pid, int signal_number, double grace_s, int* status, rusage* usage) {
+  kill(-pid, signal_number);
+  const auto start = Clock::now();
+  while (std::chrono::duration<double>(Clock::now() - start).count() < grace_s) {
     if (wait4(pid, status, WNOHANG, usage) == pid) {
       kill(-pid, SIGKILL);
       return;
@@ -68,7 +69,11 @@ std::optional<std::filesystem::path> FindProgram(const std::string& name) {
   std::istringstream folders(path ? path : "/usr/local/bin:/usr/bin:/bin");
   for (std::string folder; std::getline(folders, folder, ':');) {
     const std::filesystem::path candidate = std::filesystem::path(folder) / name;
-    if (access(candidate.c_str(), X_OK) == 0) return std::filesystem::absolute(candidate);
+    std::error_code ignored;
+    if (!folder.empty() && std::filesystem::is_regular_file(candidate, ignored) &&
+        access(candidate.c_str(), X_OK) == 0) {
+      return std::filesystem::absolute(candidate);
+    }
   }
   return std::nullopt;
 }
@@ -84,8 +89,9 @@ ProcessReport RunProcess(const std::vector<std::string>& argv, const ProcessOpti
   arguments.push_back(nullptr);
 
   const auto start = Clock::now();
+  const pid_t parent = getpid();
   const pid_t pid = fork();
-  if (pid == 0) ExecChild(arguments.data(), options, log_fd, options.working_dir.c_str());
+  if (pid == 0) ExecChild(arguments.data(), options, log_fd, options.working_dir.c_str(), parent);
   if (log_fd >= 0) close(log_fd);
   if (pid < 0) throw Error(ExitCode::kNoResources, argv[0] + ": cannot start a process");
   setpgid(pid, pid);
@@ -93,24 +99,27 @@ ProcessReport RunProcess(const std::vector<std::string>& argv, const ProcessOpti
   int status = 0;
   rusage usage = {};
   ProcessReport report;
-  bool interrupted = false;
   auto next_tick = start;
-  while (wait4(pid, &status, WNOHANG, &usage) != pid) {
-    const auto now = Clock::now();
-    interrupted = PendingInterrupt() != 0;
-    report.timed_out =
-        options.timeout_s > 0 && std::chrono::duration<double>(now - start).count() > options.timeout_s;
-    if (interrupted || report.timed_out) {
-      KillGroup(pid, &status, &usage);
-      break;
+  try {
+    while (wait4(pid, &status, WNOHANG, &usage) != pid) {
+      ThrowIfInterrupted();
+      const auto now = Clock::now();
+      report.timed_out =
+          options.timeout_s > 0 && std::chrono::duration<double>(now - start).count() > options.timeout_s;
+      if (report.timed_out) {
+        KillGroup(pid, SIGTERM, options.grace_s, &status, &usage);
+        break;
+      }
+      if (options.on_tick && now >= next_tick) {
+        options.on_tick();
+        next_tick = now + 10 * kPoll;
+      }
+      std::this_thread::sleep_for(kPoll);
     }
-    if (options.on_tick && now >= next_tick) {
-      options.on_tick();
-      next_tick = now + 10 * kPoll;
-    }
-    std::this_thread::sleep_for(kPoll);
+  } catch (...) {
+    KillGroup(pid, PendingInterrupt() ? PendingInterrupt() : SIGTERM, options.grace_s, &status, &usage);
+    throw;
   }
-  if (interrupted) ThrowIfInterrupted();
   report.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
   const auto seconds = [](const timeval& t) {
     return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);

@@ -13,6 +13,7 @@ namespace io {
 
 struct ProcessOptions {
   double timeout_s = 0;               // wall clock; 0: none. The whole process group is killed at the limit.
+  double grace_s = 2;                 // between the request to stop and SIGKILL
   std::size_t memory_bytes = 0;       // RLIMIT_AS; 0: none
   std::filesystem::path log_path;     // receives stdout and stderr; empty: inherited
   std::filesystem::path working_dir;  // empty: inherited
@@ -32,9 +33,10 @@ struct ProcessReport {
 // Absolute path of a program on PATH, or nothing.
 std::optional<std::filesystem::path> FindProgram(const std::string& name);
 
-// argv[0] is the program's path. When a signal is pending (io/interrupt.h) the child's group gets SIGTERM,
-// then SIGKILL after two seconds, and io::Interrupted is thrown. Throws kMissingTool when the program cannot
-// be started.
+// argv[0] is the program's path. When a signal is pending (io/interrupt.h) the child's group gets the same
+// signal, then SIGKILL after grace_s, and io::Interrupted is thrown; an exception out of on_tick ends the
+// child likewise. The child reads /dev/null and is killed when the calling thread dies. Throws kMissingTool
+// when the program cannot be started.
 ProcessReport RunProcess(const std::vector<std::string>& argv, const ProcessOptions& options);
 
 // The last lines of a log, for messages.

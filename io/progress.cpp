@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kTerminalInterval(200);
 constexpr std::chrono::milliseconds kPlainInterval(10000);
+constexpr double kMinShareForEta = 0.01;  // less work than this predicts nothing
 
 }  // namespace
 
@@ -26,6 +27,7 @@ void Progress::Update(double fraction, const std::string& note) {
   const auto now = std::chrono::steady_clock::now();
   const bool finished = fraction >= 1.0;
   if (shown_ && !finished && now - last_shown_ < (is_terminal_ ? kTerminalInterval : kPlainInterval)) return;
+  if (!shown_) first_fraction_ = fraction;
   shown_ = true;
   last_shown_ = now;
   const double elapsed = std::chrono::duration<double>(now - start_).count();
@@ -33,8 +35,8 @@ void Progress::Update(double fraction, const std::string& note) {
   std::string eta = "ETA --";
   if (finished) {
     eta = "in " + FormatDuration(elapsed);
-  } else if (share > 0.01) {
-    eta = "ETA " + FormatDuration(elapsed * (1.0 - share) / share);
+  } else if (share > first_fraction_ + kMinShareForEta) {
+    eta = "ETA " + FormatDuration(elapsed * (1.0 - share) / (share - first_fraction_));
   }
   std::fprintf(stderr,
                is_terminal_ ? "\r\033[K%s %3.0f %%  %s  %s" : "%s %3.0f %%  %s  %s\n",

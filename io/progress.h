@@ -19,6 +19,7 @@ class Progress {
   std::string title_;
   bool is_terminal_;
   bool shown_ = false;
+  double first_fraction_ = 0;  // of the first update: resumed work starts above 0
   std::chrono::steady_clock::time_point start_, last_shown_;
 };
 

@@ -25,6 +25,7 @@ struct Camera {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
 
   bool HasDistortion() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0; }
+  bool operator==(const Camera&) const = default;
 };
 
 struct Frame {
@@ -52,6 +53,7 @@ struct Scene {
   Sim3d scene_from_sfm;  // how the original world was moved and scaled; identity until normalised
   double near = 2.0, far = 6.0;
   Aabb aabb;  // region of interest in scene units
+  bool unbounded = false;  // pictures show things beyond far and aabb: space outside is to be contracted
 };
 
 // Projects a point given in the camera's OpenGL axes to pixels; nothing when it is not in front of the

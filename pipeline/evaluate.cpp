@@ -1,4 +1,73 @@
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "io/error.h"
+#include "io/transforms.h"
+#include "pipeline/evaluation.h"
+#include "pipeline/stage.h"
 #include "pipeline/stages.h"
+
 namespace pipeline {
-int RunEvaluate(int, const char* const*) { return 70; }
+namespace {
+
+using Json = nlohmann::json;
+
+// The name of the protocol that `normalize` chose when it split the pictures.
+std::string ProtocolName(const std::filesystem::path& run_folder) {
+  const Json record = Json::parse(ReadStageRecord(run_folder, "normalize"), nullptr, false);
+  return record.is_object() ? record.value("protocol", "capture") : "capture";
+}
+
+void Evaluate(const CommonOptions& common, const EvaluationOptions& options, const Options& bound) {
+  const std::filesystem::path scene_folder = common.out / "scene",
+                              checkpoint = common.out / "train/checkpoint.bin";
+  StageRun stage("evaluate", common, bound, {scene_folder, checkpoint}, true);
+  if (stage.IsUpToDate()) return;
+  const io::Scene test = io::ReadTransforms(scene_folder / "transforms_test.json").scene;
+  const std::string protocol = ProtocolName(common.out);
+  RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
+  const Evaluation result = ScoreViews(test, stage.folder(), options);
+  WriteScores(result, protocol, stage.folder());
+
+  const ViewScore& worst = result.views[result.WorstFirst()[0]];
+  char line[512];
+  std::snprintf(line,
+                sizeof line,
+                "%zu held-out views (%s): PSNR %.2f dB, SSIM %.4f, FLIP %.4f; worst %s %.2f dB",
+                result.views.size(),
+                protocol.c_str(),
+                result.psnr_db,
+                result.ssim,
+                result.flip,
+                worst.name.c_str(),
+                worst.psnr_db);
+  std::printf("evaluate: %s\n", line);
+  if (result.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
+  stage.Set("protocol", protocol);
+  stage.Set("views", static_cast<double>(result.views.size()));
+  stage.Set("psnr", result.psnr_db);
+  stage.Set("ssim", result.ssim);
+  stage.Set("flip", result.flip);
+  stage.Finish();
+}
+
+}  // namespace
+
+int RunEvaluate(int argc, const char* const* argv) {
+  return GuardedMain("pipeline evaluate", [&] {
+    CommonOptions common;
+    EvaluationOptions options;
+    Options bound(
+        "pipeline evaluate",
+        "Scores the trained field on the held-out views: PSNR, SSIM and FLIP per picture, and strips\n"
+        "truth | render | error, worst first.");
+    AddCommonOptions(&bound, &common);
+    bound.Add("max-strips", &options.max_strips, "comparison strips to write, worst views first");
+    if (!bound.Parse(argc, argv)) return;
+    if (options.max_strips < 0) throw io::Error(io::ExitCode::kUsage, "--max-strips: must not be negative");
+    options.threads = ResolvedThreads(common);
+    Evaluate(common, options, bound);
+  });
+}
+
 }  // namespace pipeline

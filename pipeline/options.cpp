@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 
 #include "io/atomic_file.h"
 #include "io/error.h"
@@ -15,6 +17,8 @@ namespace {
 using io::Error;
 using io::ExitCode;
 using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMaxConfigBytes = 1 << 20;  // a configuration is a page of text
 
 std::size_t EditDistance(const std::string& a, const std::string& b) {
   std::vector<std::size_t> row(b.size() + 1);
@@ -34,10 +38,13 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
 template <typename T>
 void ParseNumber(const std::string& name, const std::string& text, T* value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
-  if (error != std::errc() || end != text.data() + text.size()) {
+  if (error != std::errc() || end != text.data() + text.size() ||
+      !std::isfinite(static_cast<double>(*value))) {
     throw Error(ExitCode::kUsage, "--" + name + ": '" + text + "' is not a number in range");
   }
 }
+
+std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 }  // namespace
 
@@ -63,6 +70,21 @@ struct Options::Option {
     } else {
       *std::get<std::filesystem::path*>(field) = text;
     }
+  }
+
+  // JSON types are taken at their word: "5" is no number and 5 is no file name.
+  void AssignJson(const std::filesystem::path& file, const Json& value) const {
+    const bool is_text =
+        std::holds_alternative<std::string*>(field) || std::holds_alternative<std::filesystem::path*>(field);
+    const bool fits = is_text                                ? value.is_string()
+                      : std::holds_alternative<bool*>(field) ? value.is_boolean()
+                                                             : value.is_number();
+    if (!fits) {
+      throw Error(ExitCode::kUsage,
+                  file.string() + ": \"" + name + "\": " + Dump(value) + " has the wrong type",
+                  std::string("Write ") + (is_text ? "a string" : "a number, or true or false for a switch"));
+    }
+    Assign(is_text ? value.get<std::string>() : value.dump());
   }
 
   Json Value() const {
@@ -92,19 +114,16 @@ void Options::AddPositional(const std::string& name, Field field, const std::str
 }
 
 Options::Option* Options::Find(const std::string& name) const {
+  std::vector<std::string> names;
   for (const auto& option : options_) {
-    if (option->name == name && !option->positional) return option.get();
+    if (option->positional) continue;
+    if (option->name == name) return option.get();
+    names.push_back(option->name);
   }
-  const Option* nearest = nullptr;
-  for (const auto& option : options_) {
-    if (!option->positional &&
-        (!nearest || EditDistance(name, option->name) < EditDistance(name, nearest->name))) {
-      nearest = option.get();
-    }
-  }
+  const std::string nearest = NearestName(name, names);
   throw Error(ExitCode::kUsage,
               program_ + ": unknown option '" + name + "'",
-              nearest ? "Did you mean --" + nearest->name + "? See --help" : "See --help");
+              nearest.empty() ? "See --help" : "Did you mean --" + nearest + "? See --help");
 }
 
 bool Options::Parse(int argc, const char* const* argv) {
@@ -114,44 +133,26 @@ bool Options::Parse(int argc, const char* const* argv) {
   }
   std::size_t n_positional = 0;
   std::filesystem::path config;
+  bool options_ended = false;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
-    if (argument == "--help" || argument == "-h") {
-      PrintHelp();
-      return false;
-    }
-    if (argument.rfind("--", 0) != 0) {
+    if (options_ended || argument.size() < 2 || argument[0] != '-') {
       if (n_positional == positional.size())
         throw Error(ExitCode::kUsage, program_ + ": unexpected argument '" + argument + "'", "See --help");
       positional[n_positional]->Assign(argument);
       positional[n_positional++]->origin = "flag";
-      continue;
-    }
-    const std::size_t equals = argument.find('=');
-    std::string name = argument.substr(2, equals == std::string::npos ? equals : equals - 2);
-    const auto next_value = [&]() -> std::string {
-      if (equals != std::string::npos) return argument.substr(equals + 1);
-      if (i + 1 >= argc)
-        throw Error(ExitCode::kUsage, program_ + ": --" + name + " needs a value", "See --help");
-      return argv[++i];
-    };
-    if (name == "config") {
-      config = next_value();
-      continue;
-    }
-    bool negated = false;
-    if (name.rfind("no-", 0) == 0 &&
-        std::none_of(options_.begin(), options_.end(), [&](const auto& o) { return o->name == name; })) {
-      negated = true;
-      name = name.substr(3);
-    }
-    Option* option = Find(name);
-    if (std::holds_alternative<bool*>(option->field)) {
-      option->Assign(equals != std::string::npos ? next_value() : negated ? "false" : "true");
+    } else if (argument == "--help" || argument == "-h") {
+      PrintHelp();
+      return false;
+    } else if (argument == "--") {
+      options_ended = true;
+    } else if (argument[1] != '-') {
+      throw Error(ExitCode::kUsage,
+                  program_ + ": unknown option '" + argument + "'",
+                  "Options begin with two dashes; write -- before a name that begins with one");
     } else {
-      option->Assign(next_value());
+      i += ParseFlag(argument.substr(2), i + 1 < argc ? argv[i + 1] : nullptr, &config);
     }
-    option->origin = "flag";
   }
   if (!config.empty()) ReadConfig(config);
   if (n_positional < positional.size() && positional[n_positional]->required) {
@@ -161,13 +162,53 @@ bool Options::Parse(int argc, const char* const* argv) {
   return true;
 }
 
+int Options::ParseFlag(const std::string& flag, const char* next, std::filesystem::path* config) {
+  const std::size_t equals = flag.find('=');
+  const bool has_value = equals != std::string::npos;
+  std::string name = flag.substr(0, equals);
+  const auto value = [&]() -> std::string {
+    if (has_value) return flag.substr(equals + 1);
+    if (!next) throw Error(ExitCode::kUsage, program_ + ": --" + name + " needs a value", "See --help");
+    return next;
+  };
+  if (name == "config") {
+    *config = value();
+    return !has_value;
+  }
+  const bool exists =
+      std::any_of(options_.begin(), options_.end(), [&](const auto& option) { return option->name == name; });
+  const bool negated = !exists && name.rfind("no-", 0) == 0;
+  if (negated) name = name.substr(3);
+  Option* option = Find(name);
+  option->origin = "flag";
+  if (!std::holds_alternative<bool*>(option->field)) {
+    if (negated) throw Error(ExitCode::kUsage, program_ + ": --no-" + name + ": --" + name + " is no switch");
+    option->Assign(value());
+    return !has_value;
+  }
+  if (negated && has_value) throw Error(ExitCode::kUsage, program_ + ": --no-" + name + " takes no value");
+  option->Assign(has_value ? value() : negated ? "false" : "true");
+  return 0;
+}
+
 void Options::ReadConfig(const std::filesystem::path& path) {
-  const Json config = Json::parse(io::ReadFile(path, 1 << 20), nullptr, false);
+  std::set<std::string> keys;
+  const auto check_keys = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    if (event == Json::parse_event_t::key && depth == 1 && !keys.insert(parsed.get<std::string>()).second)
+      throw Error(ExitCode::kUsage, path.string() + ": \"" + parsed.get<std::string>() + "\" is given twice");
+    return true;
+  };
+  Json config;
+  try {
+    config = Json::parse(io::ReadFile(path, kMaxConfigBytes), check_keys);
+  } catch (const Json::exception& error) {
+    throw Error(ExitCode::kUsage, path.string() + ": " + error.what());
+  }
   if (!config.is_object()) throw Error(ExitCode::kUsage, path.string() + ": is not a JSON object");
   for (const auto& [key, value] : config.items()) {
     Option* option = Find(key);
     if (option->origin == "flag") continue;
-    option->Assign(value.is_string() ? value.get<std::string>() : value.dump());
+    option->AssignJson(path, value);
     option->origin = "file";
   }
 }
@@ -179,11 +220,21 @@ bool Options::IsSetByUser(const std::string& name) const {
   return origin == "flag" || origin == "file";
 }
 
+std::string Options::ValueText(const std::string& name) const {
+  const Option& option = *Find(name);
+  const Json value = option.Value();
+  if (const auto* d = std::get_if<double*>(&option.field)) {
+    char text[32];  // the shortest that reads back the same: at most 24 characters
+    return std::string(text, std::to_chars(text, text + sizeof text, **d).ptr);
+  }
+  return value.is_string() ? value.get<std::string>() : value.dump();
+}
+
 std::string Options::ResolvedJson() const {
   Json json = Json::object();
   for (const auto& option : options_)
     json[option->name] = {{"value", option->Value()}, {"origin", option->origin}};
-  return json.dump();
+  return Dump(json);
 }
 
 std::string Options::KeyText() const {
@@ -191,7 +242,7 @@ std::string Options::KeyText() const {
   for (const auto& option : options_) {
     if (option->affects_result) json[option->name] = option->Value();
   }
-  return json.dump();
+  return Dump(json);
 }
 
 void Options::PrintHelp() const {
@@ -202,12 +253,34 @@ void Options::PrintHelp() const {
   std::printf("%s [options]\n\n%s\n\n", usage.c_str(), description_.c_str());
   for (const auto& option : options_) {
     const std::string left = option->positional ? option->name : "--" + option->name;
-    const std::string value = option->Value().dump();
+    const std::string value = Dump(option->Value());
     const bool show = !option->positional && value != "\"\"";
     std::printf(
         "  %-20s %s%s\n", left.c_str(), option->help.c_str(), show ? (" [" + value + "]").c_str() : "");
   }
   std::printf("  %-20s %s\n", "--config", "JSON file with option values; flags win");
+}
+
+double ParseDuration(const std::string& option_name, const std::string& text) {
+  double number = 0;
+  const char* const last = text.data() + text.size();
+  const auto [end, error] = std::from_chars(text.data(), last, number);
+  const std::string unit(end, last);
+  const double unit_s = unit.empty() || unit == "s" ? 1 : unit == "m" ? 60 : unit == "h" ? 3600 : 0;
+  if (error != std::errc() || unit_s == 0 || !std::isfinite(number) || number < 0) {
+    throw Error(ExitCode::kUsage,
+                "--" + option_name + ": '" + text + "' is not a duration",
+                "Write for example 90s, 5m or 1.5h");
+  }
+  return number * unit_s;
+}
+
+std::string NearestName(const std::string& name, const std::vector<std::string>& candidates) {
+  const auto nearest =
+      std::min_element(candidates.begin(), candidates.end(), [&](const auto& a, const auto& b) {
+        return EditDistance(name, a) < EditDistance(name, b);
+      });
+  return nearest == candidates.end() ? "" : *nearest;
 }
 
 }  // namespace pipeline

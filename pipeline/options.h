@@ -25,13 +25,15 @@ class Options {
   void AddPositional(const std::string& name, Field field, const std::string& help, bool required);
 
   // Parses `--name value`, `--name=value`, bare `--name` and `--no-name` for bool, and `--config FILE` (a
-  // JSON object with the same names; flags win). Unknown names throw kUsage and name the nearest one. Returns
-  // false when --help was asked for and printed.
+  // JSON object with the same names; flags win). `--` ends the options. Unknown names throw kUsage and name
+  // the nearest one. Returns false when --help was asked for and printed.
   bool Parse(int argc, const char* const* argv);
 
   // Marks a value as chosen by measurement rather than by default, file or flag.
   void SetMeasured(const std::string& name);
   bool IsSetByUser(const std::string& name) const;
+  // The value as one would write it after the flag.
+  std::string ValueText(const std::string& name) const;
 
   // {"name": {"value": ..., "origin": "default" | "file" | "flag" | "measured"}, ...}
   std::string ResolvedJson() const;
@@ -41,11 +43,19 @@ class Options {
  private:
   struct Option;
   Option* Find(const std::string& name) const;
+  // Returns how many further arguments the flag consumed.
+  int ParseFlag(const std::string& flag, const char* next, std::filesystem::path* config);
   void ReadConfig(const std::filesystem::path& path);
   void PrintHelp() const;
 
   std::string program_, description_;
   std::vector<std::unique_ptr<Option>> options_;
 };
+
+// Seconds from "90", "90s", "1.5m" or "2h". Throws kUsage naming the option.
+double ParseDuration(const std::string& option_name, const std::string& text);
+
+// The candidate with the smallest edit distance to `name`; empty when there is none.
+std::string NearestName(const std::string& name, const std::vector<std::string>& candidates);
 
 }  // namespace pipeline

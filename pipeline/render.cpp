@@ -1,4 +1,64 @@
+#include <cstdio>
+
+#include "io/error.h"
+#include "io/transforms.h"
+#include "pipeline/film.h"
+#include "pipeline/stage.h"
 #include "pipeline/stages.h"
+
 namespace pipeline {
-int RunRender(int, const char* const*) { return 70; }
+namespace {
+
+// Limits against typing errors: an hour of film, 8K.
+constexpr int kMaxFrames = 216000, kMaxWidth = 7680;
+constexpr double kMaxFps = 240;
+
+void Render(const CommonOptions& common, const FilmOptions& options, const Options& bound) {
+  const std::filesystem::path transforms = common.out / "scene/transforms_train.json";
+  const std::filesystem::path checkpoint = common.out / "train/checkpoint.bin";
+  StageRun stage("render", common, bound, {transforms, checkpoint}, true);
+  if (stage.IsUpToDate()) return;
+  const io::Scene train = io::ReadTransforms(transforms).scene;
+  const Film film = RenderFilm(*nerf::TrainedField::Load(checkpoint), train, options, stage.folder());
+
+  for (const std::string& decision : film.decisions) stage.Decide(decision);
+  for (const io::VideoReport& video : film.videos) stage.AddChildUse(video.cpu_s, video.peak_rss_bytes);
+  stage.Set("frames", options.frames);
+  stage.Set("fps", options.fps);
+  stage.Set("width", film.camera.width);
+  stage.Set("height", film.camera.height);
+  if (film.rendered > 0) stage.Set("ms_per_frame", film.ms_per_frame);
+  stage.Set("film_bytes", static_cast<double>(film.videos[0].bytes));
+  std::printf("render: %d frames of %dx%d, %.0f ms each\n",
+              options.frames,
+              film.camera.width,
+              film.camera.height,
+              film.ms_per_frame);
+  stage.Finish();
+}
+
+}  // namespace
+
+int RunRender(int argc, const char* const* argv) {
+  return GuardedMain("pipeline render", [&] {
+    CommonOptions common;
+    FilmOptions options;
+    Options bound("pipeline render", "Renders the novel-view film along an orbit fitted to the cameras.");
+    AddCommonOptions(&bound, &common);
+    bound.Add("frames", &options.frames, "frames of the film");
+    bound.Add("fps", &options.fps, "frames per second of the film");
+    bound.Add("size", &options.width, "width in pixels; 0 = that of the training pictures");
+    bound.Add("depth", &options.depth, "also write depth.mp4");
+    if (!bound.Parse(argc, argv)) return;
+    const auto require = [](bool holds, const char* text) {
+      if (!holds) throw io::Error(io::ExitCode::kUsage, text);
+    };
+    require(options.frames >= 2 && options.frames <= kMaxFrames, "--frames: must lie in 2 to 216000");
+    require(options.fps >= 1 && options.fps <= kMaxFps, "--fps: must lie in 1 to 240");
+    require(options.width >= 0 && options.width <= kMaxWidth, "--size: must lie in 0 to 7680");
+    options.threads = ResolvedThreads(common);
+    Render(common, options, bound);
+  });
+}
+
 }  // namespace pipeline

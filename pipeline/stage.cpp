@@ -1,14 +1,18 @@
 #include "pipeline/stage.h"
 
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "io/atomic_file.h"
+#include "io/check.h"
 #include "io/error.h"
 #include "io/hash.h"
 #include "io/interrupt.h"
@@ -23,34 +27,66 @@ using io::ExitCode;
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-const StageEntry& FindStage(const std::string& name) {
-  const auto table = StageTable();
-  return *std::find_if(
-      table.begin(), table.end(), [&](const StageEntry& entry) { return entry.name == name; });
+// File names need not be UTF-8; JSON must be.
+std::string Dump(const Json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
-// Relative path -> content hash of every regular file below `path` (or of the file itself).
-void HashTree(const fs::path& path, std::map<std::string, std::string>* hashes) {
-  if (fs::is_directory(path)) {
-    for (const auto& entry : fs::recursive_directory_iterator(path)) {
-      if (entry.is_regular_file()) (*hashes)[entry.path().string()] = io::HashFile(entry.path());
+constexpr int kMaxThreadsPerCore = 4;  // more only costs memory
+
+const StageEntry& FindStage(const std::string& name) {
+  const auto table = StageTable();
+  const auto found =
+      std::find_if(table.begin(), table.end(), [&](const StageEntry& entry) { return entry.name == name; });
+  PIPELINE_CHECK(found != table.end());
+  return *found;
+}
+
+// Path -> content hash of every regular file below `path` (or of the file itself), except below `skipped`.
+void HashTree(const fs::path& path, const fs::path& skipped, std::map<std::string, std::string>* hashes) {
+  const fs::path root = fs::absolute(path).lexically_normal();
+  try {
+    if (fs::is_regular_file(root)) (*hashes)[root.string()] = io::HashFile(root);
+    if (!fs::is_directory(root)) return;
+    for (auto it = fs::recursive_directory_iterator(root); it != fs::recursive_directory_iterator(); ++it) {
+      if (it->is_directory() && it->path() == skipped) it.disable_recursion_pending();
+      if (it->is_regular_file()) (*hashes)[it->path().string()] = io::HashFile(it->path());
     }
-  } else if (fs::is_regular_file(path)) {
-    (*hashes)[path.string()] = io::HashFile(path);
-  } else {
-    throw Error(ExitCode::kBadInput, path.string() + ": no such file or folder");
+  } catch (const fs::filesystem_error& error) {
+    throw Error(ExitCode::kBadInput, error.what());
   }
 }
 
-bool OutputsIntact(const fs::path& folder, const Json& outputs) {
-  for (const auto& [name, hash] : outputs.items()) {
+bool OutputsIntact(const fs::path& folder, const Json& record) {
+  if (!record.contains("outputs")) return false;
+  for (const auto& [name, hash] : record["outputs"].items()) {
     const fs::path file = folder / name;
     if (!fs::is_regular_file(file) || io::HashFile(file) != hash) return false;
   }
   return true;
 }
 
+// What run.json keeps of a stage's record: the figures, not the lists.
+std::string Summary(const Json& record, const std::string& status) {
+  Json line = {{"status", status}};
+  for (const auto& [key, value] : record.items()) {
+    if (key != "stage" && key != "status" && (value.is_number() || value.is_string())) line[key] = value;
+  }
+  return Dump(line);
+}
+
 }  // namespace
+
+fs::path StageProgram(const std::string& stage_name) {
+  const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() /
+                           (std::string("pipeline-") + FindStage(stage_name).name);
+  if (access(program.c_str(), X_OK) != 0) {
+    throw Error(ExitCode::kMissingTool,
+                program.string() + ": is missing",
+                "Build all targets; the stages stand beside `pipeline`");
+  }
+  return program;
+}
 
 void AddCommonOptions(Options* options, CommonOptions* common) {
   options->Add("out", &common->out, "run folder", false);
@@ -58,9 +94,18 @@ void AddCommonOptions(Options* options, CommonOptions* common) {
   options->Add("force", &common->force, "run again even when nothing changed", false);
 }
 
+int AvailableCores() {
+  int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::ifstream cpu_max("/sys/fs/cgroup/cpu.max");  // "quota period" in microseconds, or "max period"
+  double quota = 0, period = 0;
+  if (cpu_max >> quota >> period && quota > 0 && period > 0)
+    cores = std::clamp(static_cast<int>(std::ceil(quota / period)), 1, cores);
+  return cores;
+}
+
 int ResolvedThreads(const CommonOptions& common) {
-  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  return common.threads <= 0 ? cores : std::min(common.threads, 4 * cores);
+  const int cores = AvailableCores();
+  return common.threads <= 0 ? cores : std::min(common.threads, kMaxThreadsPerCore * cores);
 }
 
 StageRun::StageRun(const std::string& stage_name,
@@ -68,49 +113,75 @@ StageRun::StageRun(const std::string& stage_name,
                    const Options& options,
                    const std::vector<fs::path>& inputs,
                    bool keep_partial)
-    : stage_name_(stage_name),
-      options_json_(options.ResolvedJson()),
-      start_(std::chrono::steady_clock::now()) {
+    : stage_name_(stage_name), options_(options), start_(std::chrono::steady_clock::now()) {
   if (common.out.empty()) throw Error(ExitCode::kUsage, "pipeline " + stage_name + ": --out DIR is missing");
   run_folder_ = fs::absolute(common.out).lexically_normal();
+  if (!run_folder_.has_filename()) run_folder_ = run_folder_.parent_path();  // "run/" is "run"
   const std::string folder = FindStage(stage_name).folder;
   final_ = run_folder_ / folder;
   partial_ = run_folder_ / ("." + folder + ".partial");
+  key_file_ = run_folder_ / ("." + folder + ".key");
+  for (const fs::path& input : inputs) {
+    if (!fs::exists(input)) throw Error(ExitCode::kBadInput, input.string() + ": no such file or folder");
+  }
   lock_ = std::make_unique<FolderLock>(run_folder_, "stage");
 
-  for (const fs::path& input : inputs) HashTree(input, &input_hashes_);
-  std::string key_text = stage_name + "\n" + VersionsJson() + "\n" + options.KeyText();
+  for (const fs::path& input : inputs) HashTree(input, run_folder_, &input_hashes_);
+  Json versions = Json::parse(VersionsJson());
+  versions.erase("commit");  // says where results came from; whether they changed, the version says
+  std::string key_text = stage_name + "\n" + versions.dump() + "\n" + options.KeyText();
   for (const auto& [path, hash] : input_hashes_)
     key_text += "\n" + fs::path(path).lexically_relative(run_folder_).string() + " " + hash;
   key_ = io::HashBytes(key_text);
 
   const Json record = Json::parse(ReadStageRecord(run_folder_, stage_name), nullptr, false);
-  if (!common.force && record.is_object() && record.value("key", "") == key_ && record.contains("outputs")) {
-    up_to_date_ = OutputsIntact(final_, record["outputs"]);
-  }
+  up_to_date_ = !common.force && record.is_object() && record.contains("key") && record["key"] == key_ &&
+                OutputsIntact(final_, record);
   if (up_to_date_) {
+    Record("done", record.dump());
     std::fprintf(stderr, "%s: up to date\n", stage_name.c_str());
-    return;
+  } else {
+    OpenPartial(keep_partial && !common.force);
+    Record("running", "{}");
   }
-  const fs::path key_file = partial_ / "key";
-  const bool resumable =
-      keep_partial && !common.force && fs::is_regular_file(key_file) && io::ReadFile(key_file) == key_;
-  if (!resumable) {
-    fs::remove_all(partial_);
-    io::WriteFileAtomically(key_file, key_);
-  }
-  RecordStage(run_folder_, stage_name, R"({"status": "running"})");
 }
 
-StageRun::~StageRun() = default;
+void StageRun::OpenPartial(bool keep_partial) {
+  const bool resumable = keep_partial && fs::is_directory(partial_) && fs::is_regular_file(key_file_) &&
+                         io::ReadFile(key_file_) == key_;
+  if (!resumable) {
+    fs::remove(key_file_);  // first: a half-removed folder must not look resumable
+    fs::remove_all(partial_);
+  }
+  fs::create_directories(partial_);
+  io::RemoveTemporaries(run_folder_);
+  io::WriteFileAtomically(key_file_, key_);
+}
+
+StageRun::~StageRun() {
+  if (up_to_date_ || finished_) return;
+  try {
+    Record(io::PendingInterrupt() ? "interrupted" : "failed", "{}");
+  } catch (const std::exception&) {  // the error that brought us here is the one to report
+  }
+}
+
+// run.json is rewritten only when the entry changes.
+void StageRun::Record(const std::string& status, const std::string& record_json) {
+  const std::string entry = Summary(Json::parse(record_json), status);
+  if (ReadStageEntry(run_folder_, stage_name_) != entry) RecordStage(run_folder_, stage_name_, entry);
+}
 
 void StageRun::Decide(const std::string& line) {
   std::fprintf(stderr, "%s: %s\n", stage_name_.c_str(), line.c_str());
   decisions_.push_back(line);
 }
 
-void StageRun::Set(const std::string& key, double value) { SetJson(key, Json(value).dump()); }
-void StageRun::Set(const std::string& key, const std::string& value) { SetJson(key, Json(value).dump()); }
+void StageRun::Set(const std::string& key, double value) {
+  PIPELINE_CHECK(std::isfinite(value));  // JSON would say null
+  SetJson(key, Dump(value));
+}
+void StageRun::Set(const std::string& key, const std::string& value) { SetJson(key, Dump(value)); }
 void StageRun::SetJson(const std::string& key, const std::string& json_text) {
   figures_.emplace_back(key, json_text);
 }
@@ -121,9 +192,8 @@ void StageRun::AddChildUse(double cpu_s, std::size_t peak_rss_bytes) {
 }
 
 void StageRun::Finish() {
-  fs::remove(partial_ / "key");
   std::map<std::string, std::string> output_hashes;
-  HashTree(partial_, &output_hashes);
+  HashTree(partial_, {}, &output_hashes);
   rusage usage = {};
   getrusage(RUSAGE_SELF, &usage);
   const auto seconds = [](const timeval& t) {
@@ -138,29 +208,23 @@ void StageRun::Finish() {
   record["cpu_s"] = seconds(usage.ru_utime) + seconds(usage.ru_stime) + child_cpu_s_;
   record["peak_rss_bytes"] =
       std::max(static_cast<std::size_t>(usage.ru_maxrss) * 1024, child_peak_rss_bytes_);
-  record["options"] = Json::parse(options_json_);
+  record["options"] = Json::parse(options_.ResolvedJson());
   record["versions"] = Json::parse(VersionsJson());
   record["decisions"] = decisions_;
   for (const auto& [key, text] : figures_) record[key] = Json::parse(text);
   record["key"] = key_;
+  record["inputs"] = Json::object();
   for (const auto& [path, hash] : input_hashes_)
     record["inputs"][fs::path(path).lexically_relative(run_folder_).string()] = hash;
+  record["outputs"] = Json::object();
   for (const auto& [path, hash] : output_hashes)
     record["outputs"][fs::path(path).lexically_relative(partial_).string()] = hash;
 
-  const std::string folder = FindStage(stage_name_).folder;
-  io::WriteFileAtomically(partial_ / (folder + ".json"), record.dump(1) + "\n");
+  io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), Dump(record, 1) + "\n");
   io::ReplaceFolder(partial_, final_);
-  Json line = {{"status", "done"},
-               {"wall_s", wall_s},
-               {"cpu_s", record["cpu_s"]},
-               {"peak_rss_bytes", record["peak_rss_bytes"]},
-               {"key", key_}};
-  for (const auto& [key, text] : figures_) {
-    const Json value = Json::parse(text);
-    if (value.is_number() || value.is_string()) line[key] = value;
-  }
-  RecordStage(run_folder_, stage_name_, line.dump());
+  finished_ = true;
+  fs::remove(key_file_);
+  Record("done", Dump(record));
   std::fprintf(stderr, "%s: done in %s\n", stage_name_.c_str(), io::FormatDuration(wall_s).c_str());
 }
 

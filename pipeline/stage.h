@@ -28,6 +28,10 @@ struct StageEntry {
 // ingest, sfm, normalize, train, evaluate, render, report, in this order.
 std::span<const StageEntry> StageTable();
 
+// Absolute path of `pipeline-<stage>` beside the running executable. Throws kMissingTool when it is not
+// there.
+std::filesystem::path StageProgram(const std::string& stage_name);
+
 // Options every stage has.
 struct CommonOptions {
   std::filesystem::path out;  // run folder
@@ -35,6 +39,9 @@ struct CommonOptions {
   int threads = 0;            // 0: all cores
 };
 void AddCommonOptions(Options* options, CommonOptions* common);
+// Cores this process may use: its affinity, and the CPU quota of its container.
+int AvailableCores();
+// common.threads, or all available cores; never more than kMaxThreadsPerCore per core.
 int ResolvedThreads(const CommonOptions& common);
 
 // Held while a process works in a run folder; the kernel frees it when the owner dies. Throws kLocked naming
@@ -52,15 +59,15 @@ class FolderLock {
 
 class StageRun {
  public:
-  // inputs: files or folders whose content determines the result (folders are walked). keep_partial: an
-  // interrupted run with the same key left a folder to resume from; otherwise the partial folder starts
-  // empty.
+  // options must outlive the StageRun. inputs: files or folders whose content determines the result (folders
+  // are walked; the run folder inside one is skipped). keep_partial: an interrupted run with the same key
+  // left a folder to resume from; otherwise the partial folder starts empty.
   StageRun(const std::string& stage_name,
            const CommonOptions& common,
            const Options& options,
            const std::vector<std::filesystem::path>& inputs,
            bool keep_partial = false);
-  ~StageRun();
+  ~StageRun();  // without Finish() the stage is recorded as failed or interrupted
 
   // True when the finished outputs belong to this key and are intact: nothing to do.
   bool IsUpToDate() const { return up_to_date_; }
@@ -69,7 +76,7 @@ class StageRun {
 
   // One line that says what was chosen and why; printed and recorded.
   void Decide(const std::string& line);
-  void Set(const std::string& key, double value);
+  void Set(const std::string& key, double value);  // finite
   void Set(const std::string& key, const std::string& value);
   void SetJson(const std::string& key, const std::string& json_text);
   // Resource use of external programs, added to our own.
@@ -79,8 +86,12 @@ class StageRun {
   void Finish();
 
  private:
-  std::string stage_name_, key_, options_json_;
-  std::filesystem::path run_folder_, partial_, final_;
+  void OpenPartial(bool keep_partial);
+  void Record(const std::string& status, const std::string& record_json);
+
+  std::string stage_name_, key_;
+  const Options& options_;
+  std::filesystem::path run_folder_, partial_, final_, key_file_;
   std::unique_ptr<FolderLock> lock_;
   std::map<std::string, std::string> input_hashes_;
   std::vector<std::string> decisions_;
@@ -88,11 +99,10 @@ class StageRun {
   std::chrono::steady_clock::time_point start_;
   double child_cpu_s_ = 0;
   std::size_t child_peak_rss_bytes_ = 0;
-  bool up_to_date_ = false;
+  bool up_to_date_ = false, finished_ = false;
 };
 
-// Runs a stage's body with the project's error policy: one line on stderr, the documented exit code, a failed
-// line in run.json when `run_folder` is known.
+// Runs a body with the project's error policy: one line on stderr and the documented exit code.
 int GuardedMain(const std::string& program, const std::function<void()>& body);
 
 // The record <run>/<folder>/<folder>.json as JSON text; empty when absent.

@@ -1,0 +1,51 @@
+// Posed pictures as rays and target colours: the only place where poses go from double to float.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "io/image.h"
+#include "io/scene.h"
+
+namespace nerf {
+
+struct Ray {
+  float origin[3], direction[3];  // unit direction, scene coordinates
+};
+
+// A pinhole camera in float, ready to shoot rays. Throws kBadInput for a camera with distortion.
+class RayCamera {
+ public:
+  RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam);
+  // Ray through the centre of pixel (x, y), that is (x + 0.5, y + 0.5).
+  Ray RayThrough(int x, int y) const;
+
+ private:
+  float inv_fl_x_, inv_fl_y_, cx_, cy_;
+  float rotation_[9], origin_[3];
+};
+
+struct View {
+  std::string name;
+  RayCamera camera;
+  int width, height;
+  std::size_t first_pixel;  // into Dataset::pixels, in pixels
+};
+
+struct Dataset {
+  std::vector<View> views;
+  int channels = 3;                  // 3: RGB; 4: RGB + straight alpha (all views alike)
+  std::vector<std::uint8_t> pixels;  // [n_pixels][channels]
+  std::size_t n_pixels() const { return pixels.size() / static_cast<std::size_t>(channels); }
+
+  // The view a pixel belongs to.
+  const View& ViewOf(std::size_t pixel) const;
+};
+
+// Reads the pictures of a scene. Pictures with and without alpha do not mix; alpha that is opaque everywhere is dropped.
+// Throws kBadInput when a picture is missing or differs in size from its camera.
+Dataset LoadDataset(const io::Scene& scene, int threads);
+
+}  // namespace nerf

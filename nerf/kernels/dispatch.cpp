@@ -1,0 +1,43 @@
+// Chooses the build of the kernels once, by what the CPU and the operating system support.
+#include <cstdlib>
+#include <cstring>
+#include <initializer_list>
+
+#include "nerf/kernels/kernels.h"
+
+namespace nerf::kernels {
+
+extern const Kernels kPortableKernels;
+#if defined(__x86_64__)
+extern const Kernels kAvx2Kernels;
+extern const Kernels kAvx512Kernels;
+#endif
+
+const Kernels* FindKernels(const char* name) {
+  if (std::strcmp(name, "portable") == 0) return &kPortableKernels;
+#if defined(__x86_64__)
+  if (std::strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+    return &kAvx2Kernels;
+  }
+  if (std::strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma")) {
+    return &kAvx512Kernels;
+  }
+#endif
+  return nullptr;
+}
+
+const Kernels& ActiveKernels() {
+  static const Kernels& active = [] () -> const Kernels& {
+    if (const char* wanted = std::getenv("PIPELINE_SIMD")) {
+      if (const Kernels* found = FindKernels(wanted)) return *found;
+    }
+    for (const char* name : {"avx512", "avx2"}) {
+      if (const Kernels* found = FindKernels(name)) return *found;
+    }
+    return kPortableKernels;
+  }();
+  return active;
+}
+
+}  // namespace nerf::kernels

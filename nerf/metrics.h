@@ -1,0 +1,25 @@
+// PSNR and SSIM of 8-bit sRGB pictures, accumulated in double. Both pictures are RGB of one size; anything
+// else throws kBadInput.
+#pragma once
+
+#include "io/image.h"
+
+namespace nerf {
+
+// The PSNR reported for an error below 1e-12, identical pictures included: JSON has no infinity. One grey
+// level in one channel of one pixel is above it up to 5 megapixels.
+inline constexpr double kMaxPsnrDb = 120.0;
+
+// Mean over pixels and channels of (a - b)^2, with values v / 255 in [0, 1].
+double MeanSquaredError(const io::Image& a, const io::Image& b);
+
+// -10 log10(mse), at most kMaxPsnrDb.
+double PsnrFromMse(double mse);
+
+// Mean structural similarity of Wang, Bovik, Sheikh and Simoncelli, "Image quality assessment: from error
+// visibility to structural similarity", IEEE TIP 2004: 11x11 Gaussian window of sigma 1.5, valid region only,
+// population covariance, k1 = 0.01, k2 = 0.03, data range 1, mean of the three channels. Throws kBadInput
+// below 11 pixels.
+double Ssim(const io::Image& a, const io::Image& b);
+
+}  // namespace nerf

@@ -1,0 +1,29 @@
+// Quality while training: held-out pixels, and the error of the best constant picture that a living field must beat.
+#pragma once
+
+#include <vector>
+
+#include "io/scene.h"
+#include "nerf/dataset.h"
+#include "nerf/ray_renderer.h"
+
+namespace nerf {
+
+class HeldoutMonitor {
+ public:
+  // Draws 8192 fixed random pixels of the held-out pictures; none when the scene has no frames.
+  HeldoutMonitor(const io::Scene& heldout, int threads);
+
+  // PSNR over those pixels, on white for pictures with alpha; NaN without held-out pictures.
+  double Psnr(const SceneField& scene_field, Workers* workers) const;
+
+ private:
+  std::vector<Ray> rays_;
+  std::vector<float> target_;      // [n][3], composited on `background_`
+  float background_ = 1;
+};
+
+// Mean squared error per channel, on a grey background, of the constant picture that fits the training pixels best.
+double ConstantSquaredError(const Dataset& dataset);
+
+}  // namespace nerf

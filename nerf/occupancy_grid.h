@@ -1,0 +1,76 @@
+// Which parts of the unit cube are worth sampling: a grid of densities with decay, and for every empty cell the distance
+// to the nearest occupied one, so that a ray can cross empty space in one jump that never passes a sample.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "nerf/space_map.h"
+
+namespace nerf {
+
+class OccupancyGrid {
+ public:
+  // A cell counts as occupied when crossing it absorbs more than this share of the light: 2 %, four 8-bit steps at full
+  // contrast; below, the fitted colour error of dropping the cell is within the sensor noise of photographs.
+  static constexpr float kMinOpacity = 0.02f;
+  // Each visit by a training sample lets the remembered density decay by 5 %; a cell starts at 3x the threshold and so
+  // survives about 22 visits without density before it is dropped.
+  static constexpr float kDecay = 0.95f;
+  static constexpr float kInitialFactor = 3.f;
+
+  OccupancyGrid() = default;
+  // resolution: cells per axis, a multiple of 64.
+  OccupancyGrid(int resolution, const SpaceMap& map);
+
+  int resolution() const { return resolution_; }
+  std::size_t n_cells() const { return density_.size(); }
+  std::uint32_t CellAt(const float unit[3]) const {
+    const auto index = [this](float u) {
+      return static_cast<std::uint32_t>(std::min(static_cast<int>(u * static_cast<float>(resolution_)), resolution_ - 1));
+    };
+    const auto n = static_cast<std::uint32_t>(resolution_);
+    return (index(unit[2]) * n + index(unit[1])) * n + index(unit[0]);
+  }
+  // Centre of a cell in unit coordinates.
+  std::array<float, 3> CellCentre(std::uint32_t cell) const;
+
+  // 0: occupied; d > 0: every cell closer than d cells (maximum norm) is empty.
+  std::uint8_t Distance(std::uint32_t cell) const { return distance_[cell]; }
+
+  // A training sample saw density sigma in the cell.
+  void Visit(std::uint32_t cell, float sigma) {
+    density_[cell] = std::max(density_[cell] * kDecay, sigma);
+  }
+  // A probe of a cell that training does not visit: raises the density only.
+  void Probe(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell], sigma); }
+
+  // Declares a cell empty for good, or possibly occupied (with the initial density).
+  void SetEmpty(std::uint32_t cell) { density_[cell] = kNeverOccupied; }
+  void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
+  bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
+
+  // Recomputes distances from densities. Costs about 2 ms for 128^3 cells.
+  void Rebuild();
+  double OccupiedShare() const { return occupied_share_; }
+
+  // Density above which the cell is occupied: kMinOpacity over the cell's size in scene units.
+  float Threshold(std::uint32_t cell) const;
+
+  std::vector<float>& density() { return density_; }
+  const std::vector<float>& density() const { return density_; }
+
+ private:
+  static constexpr float kNeverOccupied = -1.f;
+  // Longest jump that is remembered; longer ones gain nothing, because rays leave the cube.
+  static constexpr int kMaxDistance = 24;
+
+  int resolution_ = 0;
+  SpaceMap map_;
+  std::vector<float> density_;
+  std::vector<std::uint8_t> distance_;
+  double occupied_share_ = 0;
+};
+
+}  // namespace nerf

@@ -1,0 +1,155 @@
+#include "nerf/occupancy_init.h"
+
+#include <cmath>
+
+#include "io/check.h"
+
+namespace nerf {
+namespace {
+
+// Projects the ball around a cell into a pinhole view.
+struct Projector {
+  explicit Projector(const io::Scene& scene, const io::Frame& frame) {
+    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
+    rotation = cam_from_world.rotation.cast<float>();
+    translation = cam_from_world.translation.cast<float>();
+    fl_x = static_cast<float>(camera.fl_x), fl_y = static_cast<float>(camera.fl_y);
+    cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
+    width = static_cast<float>(camera.width), height = static_cast<float>(camera.height);
+  }
+
+  // False when the ball reaches behind the camera, where its projection is no disc.
+  bool Project(const Eigen::Vector3f& x, float radius, Eigen::Vector2f* centre, float* depth, float* radius_px) const {
+    const Eigen::Vector3f in_cam = rotation * x + translation;
+    *depth = -in_cam.z();
+    if (!(*depth > radius)) return false;
+    *centre = {fl_x * in_cam.x() / *depth + cx, -fl_y * in_cam.y() / *depth + cy};
+    // The silhouette of a ball off the axis is stretched by at most 1 / cos; depth - radius bounds its near side.
+    const float slant = in_cam.norm() / *depth;
+    *radius_px = std::max(fl_x, fl_y) * radius / (*depth - radius) * slant;
+    return true;
+  }
+  bool Contains(const Eigen::Vector2f& p, float margin) const {
+    return p.x() >= margin && p.y() >= margin && p.x() <= width - margin && p.y() <= height - margin;
+  }
+
+  Eigen::Matrix3f rotation;
+  Eigen::Vector3f translation;
+  float fl_x, fl_y, cx, cy, width, height;
+};
+
+// Number of pixels with alpha > 0 in any rectangle, from a summed-area table.
+class AlphaCount {
+ public:
+  AlphaCount(const Dataset& dataset, const View& view) : width_(view.width), height_(view.height) {
+    const auto stride = static_cast<std::size_t>(width_) + 1;
+    sums_.assign(stride * (static_cast<std::size_t>(height_) + 1), 0);
+    for (std::size_t y = 0; y < static_cast<std::size_t>(height_); ++y) {
+      std::uint32_t row = 0;
+      for (std::size_t x = 0; x < static_cast<std::size_t>(width_); ++x) {
+        row += dataset.pixels[(view.first_pixel + y * static_cast<std::size_t>(width_) + x) * 4 + 3] > 0;
+        sums_[(y + 1) * stride + x + 1] = sums_[y * stride + x + 1] + row;
+      }
+    }
+  }
+  bool AnyIn(const Eigen::Vector2f& centre, float radius) const {
+    const auto clamp = [](float v, int limit) { return static_cast<std::size_t>(std::clamp(v, 0.f, static_cast<float>(limit))); };
+    const std::size_t x0 = clamp(std::floor(centre.x() - radius), width_), x1 = clamp(std::ceil(centre.x() + radius), width_);
+    const std::size_t y0 = clamp(std::floor(centre.y() - radius), height_), y1 = clamp(std::ceil(centre.y() + radius), height_);
+    const auto stride = static_cast<std::size_t>(width_) + 1;
+    return sums_[y1 * stride + x1] + sums_[y0 * stride + x0] != sums_[y0 * stride + x1] + sums_[y1 * stride + x0];
+  }
+
+ private:
+  int width_, height_;
+  std::vector<std::uint32_t> sums_;
+};
+
+// Centre and enclosing radius of a cell in scene coordinates.
+void CellBall(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell, Eigen::Vector3f* x, float* radius) {
+  std::array<float, 3> unit = grid.CellCentre(cell);
+  map.FromUnit(unit.data(), x->data());
+  *radius = 0;
+  const float half = 0.5f / static_cast<float>(grid.resolution());
+  for (int corner = 0; corner < 8; ++corner) {
+    float at[3], y[3];
+    // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them finite.
+    for (int i = 0; i < 3; ++i) at[i] = unit[static_cast<std::size_t>(i)] + (corner >> i & 1 ? 0.99f : -0.99f) * half;
+    map.FromUnit(at, y);
+    *radius = std::max(*radius, (Eigen::Vector3f(y[0], y[1], y[2]) - *x).norm());
+  }
+}
+
+}  // namespace
+
+std::array<float, 6> CarveByMasks(const io::Scene& scene, const Dataset& dataset, const SpaceMap& map, Workers* workers, OccupancyGrid* grid) {
+  PIPELINE_CHECK_EQ(dataset.channels, 4);
+  const std::size_t n_views = dataset.views.size();
+  std::vector<Projector> projectors;
+  std::vector<std::unique_ptr<AlphaCount>> counts(n_views);
+  for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
+  workers->Run(static_cast<int>(n_views), [&](int i, int) {
+    counts[static_cast<std::size_t>(i)] = std::make_unique<AlphaCount>(dataset, dataset.views[static_cast<std::size_t>(i)]);
+  });
+  const int n = grid->resolution();
+  std::vector<std::array<float, 6>> boxes(static_cast<std::size_t>(n), {1, 1, 1, 0, 0, 0});
+  workers->Run(n, [&](int slab, int) {
+    std::array<float, 6>& box = boxes[static_cast<std::size_t>(slab)];
+    const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
+    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells; cell < static_cast<std::uint32_t>(slab + 1) * cells; ++cell) {
+      Eigen::Vector3f x;
+      float radius, depth, radius_px;
+      CellBall(*grid, map, cell, &x, &radius);
+      bool empty = false;
+      for (std::size_t v = 0; v < n_views && !empty; ++v) {
+        Eigen::Vector2f centre;
+        empty = projectors[v].Project(x, radius, &centre, &depth, &radius_px) && projectors[v].Contains(centre, radius_px) &&
+                !counts[v]->AnyIn(centre, radius_px);
+      }
+      if (empty) {
+        grid->SetEmpty(cell);
+        continue;
+      }
+      grid->SetCandidate(cell);
+      const std::array<float, 3> unit = grid->CellCentre(cell);
+      const float half = 0.5f / static_cast<float>(n);
+      for (std::size_t i = 0; i < 3; ++i) {
+        box[i] = std::min(box[i], unit[i] - half);
+        box[i + 3] = std::max(box[i + 3], unit[i] + half);
+      }
+    }
+  });
+  std::array<float, 6> box = {1, 1, 1, 0, 0, 0};
+  for (const auto& b : boxes) {
+    for (std::size_t i = 0; i < 3; ++i) box[i] = std::min(box[i], b[i]), box[i + 3] = std::max(box[i + 3], b[i + 3]);
+  }
+  return box;
+}
+
+void CarveByFrusta(const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid) {
+  std::vector<Projector> projectors;
+  for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
+  const int n = grid->resolution();
+  workers->Run(n, [&](int slab, int) {
+    const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
+    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells; cell < static_cast<std::uint32_t>(slab + 1) * cells; ++cell) {
+      Eigen::Vector3f x;
+      float radius;
+      CellBall(*grid, map, cell, &x, &radius);
+      int seen = 0;
+      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v) {
+        const Eigen::Vector3f in_cam = projectors[v].rotation * x + projectors[v].translation;
+        const float depth = -in_cam.z();
+        if (in_cam.norm() + radius < static_cast<float>(near) || depth + radius <= 0) continue;
+        Eigen::Vector2f centre;
+        float radius_px, ball_depth;
+        // A ball that reaches behind the camera may project anywhere: it counts as seen.
+        seen += !projectors[v].Project(x, radius, &centre, &ball_depth, &radius_px) || projectors[v].Contains(centre, -radius_px);
+      }
+      seen >= 2 ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
+    }
+  });
+}
+
+}  // namespace nerf

@@ -1,0 +1,57 @@
+// Samples along a ray where the occupancy grid says there may be something.
+//
+// The ray is cut into intervals [t, t + delta) with delta = step_scale * max(step_size, cone_angle * t); an interval
+// yields a sample at its middle when the cell there is occupied. Empty space is crossed in jumps that cannot pass an
+// occupied cell.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "nerf/dataset.h"
+#include "nerf/occupancy_grid.h"
+#include "nerf/space_map.h"
+
+namespace nerf {
+
+struct SamplerOptions {
+  float near = 0.05f, far = 6;  // distances along the ray, scene units
+  float step_size = 0.01f;      // shortest interval, scene units
+  float cone_angle = 0;         // interval per distance; 0: constant intervals
+};
+
+// Positions in the unit cube, one entry per sample.
+struct Samples {
+  std::vector<float> x, y, z, delta, t;
+  std::vector<std::uint32_t> cell;
+
+  int size() const { return static_cast<int>(x.size()); }
+  void clear() {
+    x.clear(), y.clear(), z.clear(), delta.clear(), t.clear(), cell.clear();
+  }
+};
+
+class Sampler {
+ public:
+  Sampler(const SamplerOptions& options, const SpaceMap& map, const OccupancyGrid& grid)
+      : options_(options), map_(map), grid_(grid) {}
+
+  // First and last distance at which the ray can have samples; first >= last when it misses the scene.
+  void Range(const Ray& ray, float* t_first, float* t_last) const;
+
+  // Appends up to `max_samples` samples from distance *t on and advances *t. Returns the number appended; fewer than
+  // max_samples means that the ray has left the scene.
+  int March(const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
+
+  // Length of the interval that starts at t.
+  float Delta(float step_scale, float t) const {
+    return step_scale * std::max(options_.step_size, options_.cone_angle * t);
+  }
+
+ private:
+  SamplerOptions options_;
+  const SpaceMap& map_;
+  const OccupancyGrid& grid_;
+};
+
+}  // namespace nerf

@@ -1,0 +1,118 @@
+#include "nerf/scene_field.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "nerf/occupancy_init.h"
+
+namespace nerf {
+namespace {
+
+constexpr double kIntervalPixels = 1.5;   // sampling interval, in pixel footprints
+constexpr double kFinestCellPixels = 0.67;
+constexpr int kLog2HashmapSize = 18;
+constexpr int kGridResolution = 128;
+constexpr int kHullResolution = 64;  // of the first carving, which only finds the box
+
+double PixelFootprint(const io::Scene& scene, const Eigen::Vector3d& centre) {
+  std::vector<double> footprints;
+  for (const io::Frame& frame : scene.frames) {
+    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    footprints.push_back((frame.world_from_cam.translation - centre).norm() / camera.fl_x);
+  }
+  const auto middle = footprints.begin() + static_cast<std::ptrdiff_t>(footprints.size() / 2);
+  std::nth_element(footprints.begin(), middle, footprints.end());
+  return *middle;
+}
+
+// Half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies nearer, and density
+// close to a lens would be fitted to that one view only. Without points, a tenth of scene.near.
+double NearLimit(const io::Scene& scene) {
+  std::vector<double> distances;
+  for (const io::Frame& frame : scene.frames) {
+    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
+    for (const io::Point3D& point : scene.points) {
+      const Eigen::Vector3d x = cam_from_world * point.xyz;
+      const auto xy = io::ImgFromCam(camera, x);
+      if (xy && xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height) distances.push_back(x.norm());
+    }
+  }
+  if (distances.empty()) return 0.1 * scene.near;
+  const auto low = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 1000);
+  std::nth_element(distances.begin(), low, distances.end());
+  return std::clamp(0.5 * *low, 0.01 * scene.near, scene.near);
+}
+
+}  // namespace
+
+std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
+                                           const Dataset& dataset,
+                                           const SceneFieldOptions& options,
+                                           std::uint64_t seed,
+                                           Workers* workers,
+                                           std::string* derivation) {
+  const bool has_alpha = dataset.channels == 4;
+  SpaceMap map = SpaceMap::FromScene(scene, !has_alpha);
+  const int grid_resolution = options.grid_resolution ? options.grid_resolution : kGridResolution;
+  if (has_alpha) {
+    OccupancyGrid hull(kHullResolution, map);
+    const std::array<float, 6> box = CarveByMasks(scene, dataset, map, workers, &hull);
+    float low[3], high[3], side = 0;
+    map.FromUnit(&box[0], low);
+    map.FromUnit(&box[3], high);
+    for (int i = 0; i < 3; ++i) side = std::max(side, high[i] - low[i]);
+    if (side > 0) {
+      for (std::size_t i = 0; i < 3; ++i) map.centre[i] = 0.5f * (low[i] + high[i]);
+      map.half = 0.5f * side;
+    }
+  }
+  const Eigen::Vector3d centre(map.centre[0], map.centre[1], map.centre[2]);
+  const double footprint = PixelFootprint(scene, centre);
+  SamplerOptions sampling;
+  if (map.unbounded) {
+    const double distance = 0.5 * (scene.near + scene.far);
+    sampling.near = static_cast<float>(NearLimit(scene));
+    sampling.cone_angle = static_cast<float>(kIntervalPixels * footprint / distance);
+    sampling.step_size = 0.25f * static_cast<float>(kIntervalPixels * footprint);
+    // Beyond, one grid cell holds everything up to infinity.
+    sampling.far = map.half * static_cast<float>(grid_resolution) / 2;
+  } else {
+    sampling.near = static_cast<float>(0.5 * scene.near);
+    sampling.far = static_cast<float>(scene.far);
+    sampling.step_size = static_cast<float>(kIntervalPixels * footprint);
+  }
+  HashFieldOptions field;
+  field.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
+  const double cells = map.InnerSide() / (kFinestCellPixels * footprint);
+  field.finest_resolution = options.finest_resolution ? options.finest_resolution : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
+
+  auto result = std::make_unique<SceneField>(map, sampling, field, grid_resolution, seed);
+  if (has_alpha) {
+    CarveByMasks(scene, dataset, map, workers, &result->grid);
+  } else {
+    CarveByFrusta(scene, map, sampling.near, workers, &result->grid);
+  }
+  result->grid.Rebuild();
+  char text[400];
+  std::snprintf(text,
+                sizeof text,
+                "pixel footprint %.4g units; %s cube of side %.3g; intervals %.4g%s; %d levels, %d to %d cells, 2^%d entries; "
+                "occupancy %d^3, %.1f %% to start from",
+                footprint,
+                map.unbounded ? "contracted space around a" : "bounded",
+                2.0 * map.half,
+                static_cast<double>(sampling.step_size),
+                map.unbounded ? " and growing with distance" : "",
+                field.n_levels,
+                field.base_resolution,
+                field.finest_resolution,
+                field.log2_hashmap_size,
+                grid_resolution,
+                100 * result->grid.OccupiedShare());
+  *derivation = text;
+  return result;
+}
+
+}  // namespace nerf

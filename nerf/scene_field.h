@@ -1,0 +1,45 @@
+// A field together with the space it lives in: all that rendering needs, and what a checkpoint stores.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "nerf/dataset.h"
+#include "nerf/hash_field.h"
+#include "nerf/occupancy_grid.h"
+#include "nerf/parallel.h"
+#include "nerf/sampler.h"
+
+namespace nerf {
+
+struct SceneField {
+  SceneField(const SpaceMap& space_map, const SamplerOptions& sampling, const HashFieldOptions& options, int grid_resolution, std::uint64_t seed)
+      : map(space_map), sampler_options(sampling), field(options, seed), grid(grid_resolution, map) {}
+  SceneField(const SceneField&) = delete;  // the grid's map must stay the one above
+
+  SpaceMap map;
+  SamplerOptions sampler_options;
+  HashField field;
+  OccupancyGrid grid;
+};
+
+// Overrides of what is otherwise derived from the scene; 0 keeps the derivation.
+struct SceneFieldOptions {
+  int log2_hashmap_size = 0;
+  int finest_resolution = 0;
+  int grid_resolution = 0;
+};
+
+// Sizes the field by what the scene needs (the derivation is returned as one line of text):
+//   pixel footprint p = distance to the centre of the region of interest / focal length (median over views)
+//   intervals   1.5 p (bounded), growing with distance beyond the centre (unbounded)
+//   finest grid cells of 2/3 p; coarsest 16 per axis; tables of 2^18 entries per level
+// Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around scene.aabb.
+std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
+                                           const Dataset& dataset,
+                                           const SceneFieldOptions& options,
+                                           std::uint64_t seed,
+                                           Workers* workers,
+                                           std::string* derivation);
+
+}  // namespace nerf

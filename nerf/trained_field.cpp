@@ -1,0 +1,50 @@
+#include "nerf/trained_field.h"
+
+#include "nerf/checkpoint.h"
+#include "nerf/ray_renderer.h"
+
+namespace nerf {
+namespace {
+
+// Pictures are rendered with half the training interval (see ray_renderer.h).
+constexpr float kStepScale = 0.5f;
+// Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
+constexpr float kUnseenGrey = 0.5f;
+
+class HashTrainedField : public TrainedField {
+ public:
+  explicit HashTrainedField(const std::filesystem::path& checkpoint) { scene_field_ = ReadCheckpoint(checkpoint, &state_); }
+
+  RenderedView Render(const io::Camera& camera, const io::Rigid3d& world_from_cam, const RenderOptions& options) const override {
+    const RayCamera ray_camera(camera, world_from_cam);
+    std::vector<Ray> rays;
+    rays.reserve(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) rays.push_back(ray_camera.RayThrough(x, y));
+    }
+    Workers workers(options.threads);
+    const std::vector<RenderedRay> rendered = RenderRays(*scene_field_, rays, kStepScale, &workers);
+    RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
+    for (const RenderedRay& ray : rendered) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        const float background = state_.channels == 4 ? options.background[j] : kUnseenGrey;
+        view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background, 0.f, 1.f));
+      }
+      view.depth.push_back(ray.depth);
+      view.opacity.push_back(1.f - ray.transmittance);
+    }
+    return view;
+  }
+
+ private:
+  TrainState state_;
+  std::unique_ptr<SceneField> scene_field_;
+};
+
+}  // namespace
+
+std::unique_ptr<TrainedField> TrainedField::Load(const std::filesystem::path& checkpoint) {
+  return std::make_unique<HashTrainedField>(checkpoint);
+}
+
+}  // namespace nerf

@@ -1,0 +1,49 @@
+// The ingest stage: a user's photos or video become clean pictures in <run>/ingest/images and a list of what
+// was kept, what was dropped, and why.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/picture_selection.h"
+#include "pipeline/picture_source.h"
+
+namespace pipeline {
+
+struct IngestOptions {
+  int max_side = 1600;  // longest side of the kept pictures [px]; smaller ones are not enlarged
+  int first_frame = 0;  // of a video
+  int last_frame = -1;  // inclusive; -1: to the end
+  int threads = 1;
+  SelectionOptions selection;
+};
+
+struct KeptPicture {
+  std::string name;    // file name in images/
+  std::string source;  // printable name of the user's file, or "frame 17"
+  int width = 0, height = 0;
+  double sharpness = 0;            // io::Sharpness
+  std::optional<double> focal_px;  // from EXIF, for width x height
+  int camera_group = 0;            // pictures with equal numbers come from one camera and setting
+  std::optional<double> time_s;    // in the video
+  std::vector<std::string> notes;
+};
+
+struct IngestReport {
+  std::vector<KeptPicture> kept;
+  std::vector<DroppedPicture> dropped;
+  std::vector<std::string> decisions;  // lines for the user
+};
+
+// Writes the kept pictures as PNG into images_folder, which exists. Throw kBadInput when the input is
+// damaged, kNotReconstructible when too little is left.
+IngestReport IngestPhotos(const PictureSource& source,
+                          const IngestOptions& options,
+                          const std::filesystem::path& images_folder);
+IngestReport IngestVideo(const std::filesystem::path& video,
+                         const IngestOptions& options,
+                         const std::filesystem::path& images_folder);
+
+}  // namespace pipeline

@@ -1,0 +1,71 @@
+// What the report shows, gathered from the files of a run folder. Every part may be missing.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace pipeline {
+
+struct StageSummary {
+  std::string name, help;
+  bool done = false;
+  double wall_s = 0, cpu_s = 0;
+  double peak_rss_bytes = 0;
+  std::vector<std::string> decisions;  // why what was chosen
+  std::string command;                 // as typed in a shell
+};
+
+struct NamedText {
+  std::string name, text;
+};
+
+struct ViewFigures {
+  std::string name;
+  double psnr_db = 0, ssim = 0, flip = 0;
+  std::filesystem::path strip;  // compare/<rank>_<stem>.png; empty when none was written
+};
+
+// Columns of train/curve.csv; NaN where a cell is empty.
+struct TrainingCurve {
+  std::vector<double> step, wall_s, loss, train_psnr, heldout_psnr;
+};
+
+struct ReportData {
+  std::string input;        // what the user gave; empty when unknown
+  std::string run_command;  // of `pipeline run`; empty when stages were started one by one
+  std::string host, versions;
+  std::vector<StageSummary> stages;
+  double total_wall_s = 0;
+
+  bool has_ingest = false, has_sfm = false, has_scores = false;
+  int kept = 0, dropped = 0;
+  std::vector<NamedText> kept_pictures, dropped_pictures;  // with notes, with reasons
+  int images = 0, registered = 0, points = 0;
+  double reprojection_error_px = 0;
+  std::vector<NamedText> unregistered;  // with causes
+
+  double train_s = 0, train_steps = 0, train_parameters = 0;
+  std::string field;
+  TrainingCurve curve;
+
+  std::string protocol;
+  double psnr_db = 0, ssim = 0, flip = 0;
+  std::vector<ViewFigures> views;  // worst PSNR first
+
+  std::filesystem::path film, depth_film;  // empty when missing
+  int film_frames = 0;
+  double film_ms_per_frame = 0;
+  std::string scene_json;  // cameras, points and film path for the plot; empty when there is no scene
+};
+
+// Throws kBadInput when the folder holds no finished stage.
+ReportData GatherReport(const std::filesystem::path& run_folder);
+
+// {"points": [x, y, z, r, g, b, ...], "train": [[centre, four corners], ...], "test": ..., "path": [x, y, z,
+// ...]} with the focus at the origin, z up, and lengths in units of the film's distance. Empty without
+// scene/transforms_train.json.
+std::string ScenePlotJson(const std::filesystem::path& run_folder);
+
+}  // namespace pipeline

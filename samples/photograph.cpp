@@ -1,0 +1,89 @@
+// Samples per pixel, exposure, sRGB curve and sensor noise.
+#include "samples/photograph.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "io/check.h"
+#include "samples/noise.h"
+#include "samples/parallel.h"
+
+namespace samples {
+namespace {
+
+double SrgbFromLinear(double x) {
+  x = std::clamp(x, 0.0, 1.0);
+  return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055;
+}
+
+std::uint8_t Quantised(double linear, double noise) {
+  return static_cast<std::uint8_t>(std::lround(std::clamp(255 * SrgbFromLinear(linear) + noise, 0.0, 255.0)));
+}
+
+// Hammersley points: no two samples of a pixel share a row or a column, so that edges of every slope are
+// smooth.
+Eigen::Vector2d SampleInPixel(int s, int samples) {
+  double reversed = 0, digit = 0.5;
+  for (int bits = s; bits > 0; bits >>= 1, digit *= 0.5) reversed += digit * (bits & 1);
+  return {(s + 0.5) / samples, reversed + 0.5 / samples};
+}
+
+}  // namespace
+
+Photographer::Photographer(const io::Camera& camera, int samples, int threads)
+    : camera_(camera), samples_(samples), threads_(threads) {
+  const auto count = static_cast<std::size_t>(samples);
+  rays_.resize(count * camera.width * camera.height);
+  ParallelRows(camera.height, threads, [&](int y) {
+    std::size_t i = count * y * camera.width;
+    for (int x = 0; x < camera.width; ++x) {
+      for (int s = 0; s < samples; ++s) {
+        const auto ray = io::RayFromImg(camera, Eigen::Vector2d(x, y) + SampleInPixel(s, samples));
+        PIPELINE_CHECK(ray.has_value());
+        rays_[i++] = ray->cast<float>();
+      }
+    }
+  });
+}
+
+io::Image Photographer::Take(const StillLife& scene,
+                             const std::vector<io::Rigid3d>& poses,
+                             const Exposure& exposure) const {
+  io::Image image = io::MakeImage(camera_.width, camera_.height, 3);
+  const auto per_pixel = static_cast<std::size_t>(samples_);
+  const double pixel_angle = 1 / (camera_.fl_x * std::sqrt(samples_));
+  const double gain = std::exp2(exposure.ev) / static_cast<double>(per_pixel * poses.size());
+  ParallelRows(camera_.height, threads_, [&](int y) {
+    for (int x = 0; x < camera_.width; ++x) {
+      const Eigen::Vector3f* rays = &rays_[per_pixel * (static_cast<std::size_t>(y) * camera_.width + x)];
+      Vec3 sum = Vec3::Zero();
+      for (const io::Rigid3d& pose : poses) {
+        for (std::size_t s = 0; s < per_pixel; ++s) {
+          const Vec3 direction = (pose.rotation * rays[s].cast<double>()).normalized();
+          // Each sample is what the sensor can hold: a highlight of many whites must not outshine its pixel's
+          // edge.
+          sum += scene.Radiance(pose.translation, direction, pixel_angle).cwiseMin(1.5);
+        }
+      }
+      for (int c = 0; c < 3; ++c) {
+        const double noise = exposure.noise_sigma * NormalHash(3 * x + c, y, exposure.noise_seed);
+        image.Pixel(x, y)[c] = Quantised(gain * sum[c], noise);
+      }
+    }
+  });
+  return image;
+}
+
+std::vector<float> Photographer::TakeDepth(const StillLife& scene, const io::Rigid3d& world_from_cam) const {
+  std::vector<float> depth(static_cast<std::size_t>(camera_.width) * camera_.height);
+  ParallelRows(camera_.height, threads_, [&](int y) {
+    for (int x = 0; x < camera_.width; ++x) {
+      const Vec3 ray = io::RayFromImg(camera_, {x + 0.5, y + 0.5}).value();
+      depth[static_cast<std::size_t>(y) * camera_.width + x] =
+          static_cast<float>(scene.Depth(world_from_cam.translation, world_from_cam.rotation * ray));
+    }
+  });
+  return depth;
+}
+
+}  // namespace samples

@@ -1,0 +1,22 @@
+// COLMAP renamed its options in 3.13 (SiftExtraction.use_gpu became FeatureExtraction.use_gpu) and gives old
+// names no alias. The installed program's own help text decides what it is called with, not its version.
+#pragma once
+
+#include <string>
+
+namespace sfm {
+
+// Flags with their leading dashes.
+struct ColmapFlags {
+  std::string extraction_use_gpu, extraction_threads, extraction_image_size, extraction_features;
+  std::string matching_use_gpu, matching_threads;
+  std::string mapper_threads;
+};
+
+// From the output of `colmap feature_extractor -h`, `colmap matches_importer -h` and `colmap mapper -h`.
+// Throws io::Error kMissingTool naming the option that none of the known names stands for.
+ColmapFlags ParseColmapHelp(const std::string& extractor_help,
+                            const std::string& matcher_help,
+                            const std::string& mapper_help);
+
+}  // namespace sfm

@@ -1,0 +1,166 @@
+#include "sfm/diagnosis.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+namespace sfm {
+namespace {
+
+// COLMAP's mapper registers a picture by at least 30 points and needs 15 inliers for a pair; a picture with
+// fewer features than this rarely gives both.
+constexpr int kFewFeatures = 100;
+constexpr int kFewInliers = 30;
+// SIFT on a sharp picture finds most features below 3 px; blur removes exactly those.
+constexpr double kBlurredScalePx = 4.0;
+// COLMAP triangulates from 1.5 degrees. Where half of all points stay this close to that limit, depth is
+// noise.
+constexpr double kMinMedianAngleDeg = 2.0;
+// Homographies explain >= 95 % of the pairs of a turning camera, and only neighbouring pairs of a moving one.
+constexpr double kMaxHomographyShare = 0.9;
+// COLMAP drops observations beyond 4 px; a good model stays below 1.
+constexpr double kMaxMeanErrorPx = 3.0;
+
+template <typename... Arguments>
+std::string Format(const char* format, Arguments... arguments) {
+  char text[400];
+  std::snprintf(text, sizeof text, format, arguments...);
+  return text;
+}
+
+template <typename T>
+T Median(std::vector<T> values) {
+  if (values.empty()) return T{};
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+int MostInliers(const std::string& name, const std::vector<VerifiedPair>& pairs) {
+  int most = 0;
+  for (const VerifiedPair& pair : pairs) {
+    if (pair.name_a == name || pair.name_b == name) most = std::max(most, pair.inliers);
+  }
+  return most;
+}
+
+std::string NoBaselineCause(double share) {
+  return Format(
+      "no baseline: in %.0f %% of the picture pairs a pure rotation (or one flat surface) explains "
+      "everything, so depth "
+      "cannot be measured; walk around the subject instead of turning on the spot",
+      100 * share);
+}
+
+}  // namespace
+
+double MedianTriangulationAngleDeg(const io::Scene& scene) {
+  std::vector<double> angles;
+  for (const io::Point3D& point : scene.points) {
+    std::vector<Eigen::Vector3d> rays;
+    for (const int frame : point.frame_indices) {
+      rays.push_back((scene.frames[static_cast<std::size_t>(frame)].world_from_cam.translation - point.xyz)
+                         .normalized());
+    }
+    double widest = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      for (std::size_t j = i + 1; j < rays.size(); ++j) {
+        widest = std::max(widest, std::atan2(rays[i].cross(rays[j]).norm(), rays[i].dot(rays[j])));
+      }
+    }
+    angles.push_back(widest * 180 / std::numbers::pi);
+  }
+  return Median(angles);
+}
+
+double HomographyShare(const std::vector<VerifiedPair>& pairs) {
+  int supported = 0, explained = 0;
+  for (const VerifiedPair& pair : pairs) {
+    if (pair.inliers < kFewInliers) continue;
+    ++supported;
+    explained += pair.geometry == PairGeometry::kPlanarOrRotation;
+  }
+  return supported == 0 ? 0.0 : static_cast<double>(explained) / supported;
+}
+
+std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence) {
+  const int registered = static_cast<int>(model.scene.frames.size());
+  if (registered < kMinPictures || model.scene.points.empty()) return FailureCause(evidence, registered);
+  const double share = HomographyShare(evidence.pairs);
+  if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  const double angle = MedianTriangulationAngleDeg(model.scene);
+  if (angle < kMinMedianAngleDeg) {
+    return Format(
+        "no baseline: rays to the same point differ by only %.2f degrees (median; %.1f are needed); move the "
+        "camera "
+        "further between pictures",
+        angle,
+        kMinMedianAngleDeg);
+  }
+  if (!(model.mean_reprojection_error_px < kMaxMeanErrorPx)) {
+    return Format(
+        "no consistent model: points miss their pictures by %.1f px on average (at most %.0f are accepted)",
+        model.mean_reprojection_error_px,
+        kMaxMeanErrorPx);
+  }
+  return std::nullopt;
+}
+
+std::string FailureCause(const CaptureEvidence& evidence, int registered) {
+  const int n = static_cast<int>(evidence.features.size());
+  if (n < kMinPictures) {
+    return Format("too few pictures: %d; at least %d are needed, 30 or more are better", n, kMinPictures);
+  }
+  std::vector<int> counts;
+  std::vector<double> scales;
+  int poor = 0, connected = 0;
+  for (const PictureFeatures& picture : evidence.features) {
+    counts.push_back(picture.count);
+    if (picture.count > 0) scales.push_back(picture.median_scale_px);
+    poor += picture.count < kFewFeatures;
+    connected += MostInliers(picture.name, evidence.pairs) >= kFewInliers;
+  }
+  const bool blurred = Median(scales) > kBlurredScalePx;
+  if (blurred && 2 * poor > n) {
+    return Format(
+        "blur: %d of %d pictures have no fine detail (median feature size %.1f px); use more light, a faster "
+        "shutter or a steadier hand",
+        poor,
+        n,
+        Median(scales));
+  }
+  if (2 * poor > n) {
+    return Format(
+        "no texture: %d of %d pictures show fewer than %d features (median %d); put textured objects or a "
+        "newspaper into the scene",
+        poor,
+        n,
+        kFewFeatures,
+        Median(counts));
+  }
+  const double share = HomographyShare(evidence.pairs);
+  if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  return Format(
+      "no overlap: only %d of %d pictures form one model (%d of them match another picture well); take "
+      "pictures that share at least two thirds of their view with the next one",
+      registered,
+      n,
+      connected);
+}
+
+std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence) {
+  for (const PictureFeatures& picture : evidence.features) {
+    if (picture.name == name && picture.count < kFewFeatures) {
+      return picture.count > 0 && picture.median_scale_px > kBlurredScalePx
+                 ? Format("blur: %d features, median size %.1f px", picture.count, picture.median_scale_px)
+                 : Format("no texture: %d features", picture.count);
+    }
+  }
+  const int inliers = MostInliers(name, evidence.pairs);
+  if (inliers < kFewInliers) return Format("no overlap: its best pair shares %d matches", inliers);
+  return Format("no consistent model: %d matches with another picture, but too few agree with the model",
+                inliers);
+}
+
+}  // namespace sfm

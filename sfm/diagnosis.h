@@ -1,0 +1,39 @@
+// Why a capture, or one picture of it, could not be reconstructed. Every message begins with one named cause:
+// "too few pictures", "no texture", "blur", "no overlap", "no baseline" or "no consistent model".
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/colmap_model.h"
+#include "sfm/colmap_database.h"
+
+namespace sfm {
+
+// Fewer pictures give no third view to confirm a point.
+constexpr int kMinPictures = 3;
+
+struct CaptureEvidence {
+  std::vector<PictureFeatures> features;  // of every picture
+  std::vector<VerifiedPair> pairs;
+};
+
+// Median over the points of the widest angle (degrees) between two rays that observe the point; 0 without
+// points.
+double MedianTriangulationAngleDeg(const io::Scene& scene);
+
+// Share, in [0, 1], of the well supported pairs that a homography alone explains: near 1 when the camera only
+// turned, or when all there is to see is one plane. 0 without such pairs.
+double HomographyShare(const std::vector<VerifiedPair>& pairs);
+
+// A cause when the model must not be used: too few pictures, rays that hardly diverge, large errors.
+std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence);
+
+// The cause when no model, or only one of `registered` pictures, was found.
+std::string FailureCause(const CaptureEvidence& evidence, int registered);
+
+// Why the picture is missing from the model.
+std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence);
+
+}  // namespace sfm

@@ -1,0 +1,112 @@
+// PSNR and SSIM against closed forms, an independent dense implementation and their documented errors.
+#include "nerf/metrics.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <random>
+
+#include "io/error.h"
+
+namespace {
+
+io::Image Constant(int width, int height, std::uint8_t value) {
+  io::Image image = io::MakeImage(width, height, 3);
+  for (std::uint8_t& v : image.data) v = value;
+  return image;
+}
+
+io::Image Noise(int width, int height, unsigned seed) {
+  std::mt19937 random(seed);
+  io::Image image = io::MakeImage(width, height, 3);
+  for (std::size_t i = 0; i < image.data.size(); ++i) {
+    image.data[i] = static_cast<std::uint8_t>((i / 7 + random() % 64) % 256);
+  }
+  return image;
+}
+
+// The definition, with a dense 11x11 window around each pixel and variances taken apart.
+double DenseSsim(const io::Image& a, const io::Image& b) {
+  double total = 0;
+  for (int c = 0; c < 3; ++c) {
+    double sum = 0;
+    for (int y = 5; y < a.height - 5; ++y) {
+      for (int x = 5; x < a.width - 5; ++x) {
+        double weights = 0, ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+        for (int dy = -5; dy <= 5; ++dy) {
+          for (int dx = -5; dx <= 5; ++dx) {
+            const double w = std::exp(-(dx * dx + dy * dy) / 4.5);
+            const double va = a.Pixel(x + dx, y + dy)[c] / 255.0, vb = b.Pixel(x + dx, y + dy)[c] / 255.0;
+            weights += w, ma += w * va, mb += w * vb, aa += w * va * va, bb += w * vb * vb, ab += w * va * vb;
+          }
+        }
+        ma /= weights, mb /= weights;
+        aa = aa / weights - ma * ma, bb = bb / weights - mb * mb, ab = ab / weights - ma * mb;
+        sum += (2 * ma * mb + 1e-4) * (2 * ab + 9e-4) / ((ma * ma + mb * mb + 1e-4) * (aa + bb + 9e-4));
+      }
+    }
+    total += sum / ((a.width - 10) * (a.height - 10));
+  }
+  return total / 3;
+}
+
+TEST(Psnr, KnownErrors) {
+  EXPECT_NEAR(nerf::PsnrFromMse(nerf::MeanSquaredError(Constant(8, 8, 0), Constant(8, 8, 255))), 0, 1e-12);
+  EXPECT_NEAR(
+      nerf::PsnrFromMse(nerf::MeanSquaredError(Constant(8, 8, 100), Constant(8, 8, 101))), 48.1308, 1e-4);
+  io::Image a = Constant(20, 10, 100), b = a;
+  b.Pixel(3, 4)[1] = 101;
+  EXPECT_DOUBLE_EQ(nerf::MeanSquaredError(a, b), 1 / (255.0 * 255.0 * 600));
+}
+
+TEST(Psnr, IdenticalPicturesStayFinite) {
+  EXPECT_EQ(nerf::MeanSquaredError(Noise(16, 16, 1), Noise(16, 16, 1)), 0);
+  EXPECT_DOUBLE_EQ(nerf::PsnrFromMse(0), nerf::kMaxPsnrDb);
+}
+
+TEST(Psnr, OneGreyLevelInFiveMegapixelsIsBelowTheCap) {
+  EXPECT_LT(nerf::PsnrFromMse(1 / (255.0 * 255.0 * 3 * 5e6)), nerf::kMaxPsnrDb);
+}
+
+TEST(Metrics, PicturesOfDifferentShapeAreRefused) {
+  EXPECT_THROW(nerf::MeanSquaredError(Constant(8, 8, 0), Constant(8, 9, 0)), io::Error);
+  EXPECT_THROW(nerf::MeanSquaredError(Constant(8, 8, 0), io::MakeImage(8, 8, 4)), io::Error);
+  EXPECT_THROW(nerf::Ssim(Constant(20, 20, 0), Constant(20, 21, 0)), io::Error);
+}
+
+TEST(Ssim, IdenticalIsOne) {
+  EXPECT_NEAR(nerf::Ssim(Noise(40, 30, 1), Noise(40, 30, 1)), 1, 1e-12);
+  EXPECT_NEAR(nerf::Ssim(Constant(11, 11, 255), Constant(11, 11, 255)), 1, 1e-9);
+}
+
+TEST(Ssim, ConstantPicturesLeaveTheLuminanceTerm) {
+  const double a = 50 / 255.0, b = 200 / 255.0;
+  const double expected = (2 * a * b + 1e-4) / (a * a + b * b + 1e-4);
+  EXPECT_NEAR(nerf::Ssim(Constant(30, 20, 50), Constant(30, 20, 200)), expected, 1e-9);
+}
+
+TEST(Ssim, AgreesWithTheDenseDefinition) {
+  const io::Image a = Noise(37, 26, 1), b = Noise(37, 26, 2);
+  const double expected = DenseSsim(a, b);
+  EXPECT_GT(expected, 0.1);
+  EXPECT_LT(expected, 0.95);
+  EXPECT_NEAR(nerf::Ssim(a, b), expected, 1e-10);
+}
+
+TEST(Ssim, BelowElevenPixelsIsAnError) {
+  EXPECT_THROW(nerf::Ssim(Constant(10, 40, 1), Constant(10, 40, 1)), io::Error);
+  EXPECT_NO_THROW(nerf::Ssim(Constant(11, 40, 1), Constant(11, 40, 1)));
+}
+
+TEST(Ssim, IsFastEnoughForHundredsOfViews) {
+  const io::Image a = Noise(400, 400, 1), b = Noise(400, 400, 2);
+  const auto start = std::chrono::steady_clock::now();
+  nerf::Ssim(a, b);
+  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+  RecordProperty("milliseconds", static_cast<int>(1000 * wall.count()));
+  EXPECT_LT(wall.count(), 1.0);  // about 0.03 s; the slack is for sanitizers and busy machines
+}
+
+}  // namespace

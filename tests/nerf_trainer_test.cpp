@@ -1,0 +1,166 @@
+// Training end to end on a scene whose pictures are computed in closed form: quality, determinism, resume, checkpoints.
+#include "nerf/trainer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "io/atomic_file.h"
+#include "io/error.h"
+#include "io/hash.h"
+#include "io/image.h"
+#include "nerf/trained_field.h"
+#include "tests/temp_dir.h"
+
+namespace nerf {
+namespace {
+
+constexpr int kSize = 48;
+
+// A ball of radius 0.8 at the origin with a smooth colour pattern; transparent (or, opaque, a wall of sky) elsewhere.
+void WriteView(const std::filesystem::path& path, const io::Camera& camera, const io::Rigid3d& pose, bool opaque) {
+  io::Image image = io::MakeImage(camera.width, camera.height, 4);
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector3d d = pose.rotation * *io::RayFromImg(camera, {x + 0.5, y + 0.5}), o = pose.translation;
+      const double b = o.dot(d), discriminant = b * b - o.squaredNorm() + 0.64;
+      std::uint8_t* p = image.Pixel(x, y);
+      const bool hit = discriminant > 0;
+      const Eigen::Vector3d n = hit ? Eigen::Vector3d((o + (-b - std::sqrt(discriminant)) * d) / 0.8) : d;
+      for (int c = 0; c < 3; ++c) p[c] = static_cast<std::uint8_t>(std::lround(127.5 + 100 * std::sin((hit ? 4 : 2) * n[c] + c)));
+      p[3] = hit || opaque ? 255 : 0;
+    }
+  }
+  io::WriteImage(path, image);
+}
+
+io::Scene MakeScene(const std::filesystem::path& folder, int n_views, double phase, bool opaque) {
+  io::Scene scene;
+  scene.aabb = {Eigen::Vector3d::Constant(-1.2), Eigen::Vector3d::Constant(1.2)};
+  scene.cameras = {{.width = kSize, .height = kSize, .fl_x = 60, .fl_y = 60, .cx = kSize / 2., .cy = kSize / 2.}};
+  for (int i = 0; i < n_views; ++i) {
+    const double angle = 2 * M_PI * (i + phase) / n_views, height = 0.5 * std::sin(3 * angle);
+    const Eigen::Vector3d centre = 4 * Eigen::Vector3d(std::cos(angle), std::sin(angle), height).normalized();
+    io::Rigid3d pose;
+    pose.translation = centre;
+    pose.rotation.col(2) = centre.normalized();
+    pose.rotation.col(0) = Eigen::Vector3d::UnitZ().cross(centre).normalized();
+    pose.rotation.col(1) = pose.rotation.col(2).cross(pose.rotation.col(0));
+    const std::filesystem::path path = folder / ("view_" + std::to_string(i) + "_" + std::to_string(phase > 0) + ".png");
+    WriteView(path, scene.cameras[0], pose, opaque);
+    scene.frames.push_back({path, 0, pose});
+  }
+  return scene;
+}
+
+TrainOptions SmallOptions(int steps) {
+  TrainOptions options;
+  options.steps = steps;
+  options.samples_per_step = 8192;
+  options.field.log2_hashmap_size = 12;
+  options.field.finest_resolution = 64;
+  options.field.grid_resolution = 64;
+  return options;
+}
+
+TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 16, 0, false), heldout = MakeScene(dir.path(), 4, 0.37, false);
+  TrainOptions options = SmallOptions(400);
+  options.threads = 2;
+  const TrainReport report = Train(train, heldout, options, dir.path());
+  EXPECT_EQ(report.steps, 400u);
+  EXPECT_GE(report.heldout_psnr, 27.0);
+  EXPECT_EQ(report.restarts, 0);
+
+  const auto field = TrainedField::Load(dir.path() / "checkpoint.bin");
+  const RenderedView view = field->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
+  const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
+  EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
+  EXPECT_GT(view.opacity[middle], 0.99);
+  EXPECT_LT(view.opacity[0], 0.01);
+  EXPECT_NEAR(view.rgb[0], 1.0, 0.01);  // the white background of the render options
+}
+
+TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 16, 0, true), heldout = MakeScene(dir.path(), 4, 0.37, true);
+  TrainOptions options = SmallOptions(400);
+  options.threads = 2;
+  const TrainReport report = Train(train, heldout, options, dir.path());
+  EXPECT_GE(report.heldout_psnr, 22.0);
+}
+
+TEST(Trainer, SameBytesForAnyNumberOfThreads) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 8, 0, false);
+  std::string hashes[2];
+  for (const int threads : {1, 3}) {
+    TrainOptions options = SmallOptions(40);
+    options.threads = threads;
+    const auto folder = dir.path() / std::to_string(threads);
+    std::filesystem::create_directories(folder);
+    Train(train, {}, options, folder);
+    const auto field = TrainedField::Load(folder / "checkpoint.bin");
+    const RenderedView view = field->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = threads});
+    hashes[threads / 2] = io::HashBytes({reinterpret_cast<const char*>(view.rgb.data()), view.rgb.size() * 4});
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+}
+
+TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 8, 0, false);
+  const auto rgb_after = [&](const std::filesystem::path& folder) {
+    return TrainedField::Load(folder / "checkpoint.bin")->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1}).rgb;
+  };
+  // Schedules follow step / steps, so the first part of a run of 60 needs the same options as the whole: it is cut by a
+  // checkpoint every step and a copy of the one that is there when 60 are done in two goes.
+  TrainOptions whole = SmallOptions(60), part = whole;
+  part.learning_rate_hold = whole.learning_rate_hold = 1 - 1e-9;  // constant rate: independent of `steps`
+  part.step_scale_share = whole.step_scale_share = 1e-9;
+  part.steps = 25;
+  const auto straight = dir.path() / "straight", resumed = dir.path() / "resumed";
+  std::filesystem::create_directories(straight);
+  std::filesystem::create_directories(resumed);
+  Train(train, {}, whole, straight);
+  Train(train, {}, part, resumed);
+  const TrainReport second = Train(train, {}, whole, resumed);
+  ASSERT_FALSE(second.events.empty());
+  EXPECT_NE(second.events[0].find("resumed at step 25"), std::string::npos);
+  EXPECT_EQ(rgb_after(straight), rgb_after(resumed));
+}
+
+TEST(Checkpoint, EveryDamageIsRejectedByName) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 4, 0, false);
+  Train(train, {}, SmallOptions(3), dir.path());
+  const std::string good = io::ReadFile(dir.path() / "checkpoint.bin");
+  const auto verdict = [&](const std::string& bytes) {
+    io::WriteFileAtomically(dir.path() / "bad.bin", bytes);
+    try {
+      TrainedField::Load(dir.path() / "bad.bin");
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.code(), io::ExitCode::kBadState);
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_EQ(verdict(good), "accepted");
+  EXPECT_NE(verdict("").find("not a checkpoint"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, 30)).find("not a checkpoint"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, 100)).find("cut off"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, good.size() - 1)).find("cut off"), std::string::npos);
+  EXPECT_NE(verdict(good + "x").find("after its last"), std::string::npos);
+  int flipped = 0;
+  for (std::size_t at = 0; at < good.size(); at += good.size() / 60, ++flipped) {
+    std::string bad = good;
+    bad[at] = static_cast<char>(bad[at] ^ 0x10);
+    EXPECT_NE(verdict(bad), "accepted") << "flipped byte " << at;
+  }
+  EXPECT_GE(flipped, 60);
+}
+
+}  // namespace
+}  // namespace nerf

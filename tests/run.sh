@@ -1,0 +1,19 @@
+#!/bin/bash
+# Installs, builds preset dev and runs every test. The last line is ctest's summary.
+set -euo pipefail
+root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+cd "$root"
+source samples/install.sh
+install_packages "$root"
+
+echo "build: preset dev"
+cmake --preset dev
+cmake --build --preset dev
+
+log="$(mktemp)"
+trap 'rm -f "$log"' EXIT
+status=0
+ctest --preset dev -j2 2>&1 | tee "$log" || status=$?
+# On a failure ctest prints the names after its summary: repeat the summary as the last line.
+grep 'tests passed' "$log" | tail -1
+exit "$status"

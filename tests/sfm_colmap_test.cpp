@@ -1,0 +1,128 @@
+// What the driver makes of a COLMAP that is missing, crashes, hangs, or lies: a stand-in `colmap` on PATH
+// plays each.
+#include "sfm/colmap.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "io/error.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+class StandInColmap : public testing::Test {
+ protected:
+  StandInColmap() {
+    std::string name = (fs::temp_directory_path() / "colmap_XXXXXX").string();
+    folder_ = mkdtemp(name.data());
+    old_path_ = std::getenv("PATH");
+    setenv("PATH", (folder_.string() + ":/usr/bin:/bin").c_str(), 1);
+  }
+  ~StandInColmap() override {
+    setenv("PATH", old_path_.c_str(), 1);
+    fs::remove_all(folder_);
+  }
+
+  // body: what every command except `-h` does.
+  void Install(const std::string& body) {
+    const fs::path program = folder_ / "colmap";
+    std::ofstream(program)
+        << "#!/bin/sh\n"
+           "if [ \"$2\" = -h ]; then cat <<END\n"
+           "  --SiftExtraction.use_gpu\n  --SiftExtraction.num_threads\n"
+           "  --SiftExtraction.max_image_size\n  --SiftExtraction.max_num_features\n"
+           "  --SiftMatching.use_gpu\n  --SiftMatching.num_threads\n  --Mapper.num_threads\n"
+           "END\nexit 0\nfi\n"
+        << body << "\n";
+    fs::permissions(program, fs::perms::owner_all);
+  }
+
+  sfm::Colmap Make() { return {folder_, folder_ / "work", 1}; }
+
+  template <typename Action>
+  static std::string ErrorOf(const Action& action, io::ExitCode code) {
+    try {
+      action();
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.code(), code) << error.what();
+      return error.what();
+    }
+    ADD_FAILURE() << "no error";
+    return "";
+  }
+
+  fs::path folder_;
+  std::string old_path_;
+};
+
+TEST_F(StandInColmap, MissingProgramNamesTheRemedy) {
+  setenv("PATH", folder_.c_str(), 1);
+  EXPECT_NE(ErrorOf([&] { Make(); }, io::ExitCode::kMissingTool).find("apt-get install colmap"),
+            std::string::npos);
+}
+
+TEST_F(StandInColmap, ACrashIsReportedWithTheLastLines) {
+  Install("echo the last words; kill -SEGV $$");
+  sfm::Colmap colmap = Make();
+  const std::string message = ErrorOf([&] { colmap.Map(5); }, io::ExitCode::kMissingTool);
+  EXPECT_NE(message.find("mapper crashed with signal 11"), std::string::npos) << message;
+  EXPECT_NE(message.find("the last words"), std::string::npos) << message;
+}
+
+TEST_F(StandInColmap, LackOfMemoryIsNoFaultOfTheProgram) {
+  Install("echo \"terminate called after throwing an instance of 'std::bad_alloc'\"; kill -ABRT $$");
+  sfm::Colmap colmap = Make();
+  EXPECT_NE(ErrorOf([&] { colmap.Map(5); }, io::ExitCode::kNoResources).find("memory"), std::string::npos);
+}
+
+TEST_F(StandInColmap, NoModelIsAnAnswer) {
+  Install("echo failed to create sparse model; exit 1");
+  sfm::Colmap colmap = Make();
+  EXPECT_TRUE(colmap.Map(5).empty());
+}
+
+TEST_F(StandInColmap, MatchingStopsAtItsCeiling) {
+  Install("sleep 60");
+  sfm::Colmap colmap = Make();
+  EXPECT_FALSE(colmap.MatchPairs({"a.png", "b.png"}, sfm::AllPairs(2), 0.3));
+}
+
+TEST_F(StandInColmap, ExtractionWithoutADatabaseIsNotBelieved) {
+  Install("exit 0");
+  sfm::Colmap colmap = Make();
+  ErrorOf([&] { colmap.ExtractFeatures({{.names = {"a.png"}, .width = 10, .height = 10}}, {}); },
+          io::ExitCode::kBadState);
+}
+
+TEST_F(StandInColmap, ExtractionThatSkipsPicturesIsNotBelieved) {
+  fs::create_directories(folder_ / "images");
+  std::ofstream(folder_ / "images" / "a.png") << "not a picture";
+  setenv("PATH", old_path_.c_str(), 1);
+  if (std::system("command -v colmap >/dev/null") != 0) GTEST_SKIP() << "colmap is not installed";
+  sfm::Colmap colmap(folder_ / "images", folder_ / "work", 1);
+  const std::string message =
+      ErrorOf([&] { colmap.ExtractFeatures({{.names = {"a.png"}, .width = 10, .height = 10}}, {}); },
+              io::ExitCode::kMissingTool);
+  EXPECT_NE(message.find("skipped 1 pictures, first a.png"), std::string::npos) << message;
+}
+
+TEST_F(StandInColmap, ArgumentsAreThoseOfTheInstalledVersion) {
+  Install("echo \"$@\" >> " + (folder_ / "calls").string());
+  sfm::Colmap colmap = Make();
+  EXPECT_TRUE(colmap.MatchPairs({"a.png", "b.png"}, sfm::AllPairs(2)));
+  EXPECT_THROW(
+      colmap.ExtractFeatures({{.names = {"a.png"}, .width = 640, .height = 480, .focal_px = 600}}, {}),
+      io::Error);
+  std::ifstream in(folder_ / "calls");
+  const std::string calls(std::istreambuf_iterator<char>(in), {});
+  EXPECT_NE(calls.find("matches_importer"), std::string::npos) << calls;
+  EXPECT_NE(calls.find("--SiftMatching.use_gpu 0"), std::string::npos) << calls;
+  EXPECT_NE(calls.find("--SiftExtraction.use_gpu 0"), std::string::npos) << calls;
+  EXPECT_NE(calls.find("--ImageReader.camera_params 600.000000,320.000000,240.000000,0"), std::string::npos)
+      << calls;
+}
+
+}  // namespace

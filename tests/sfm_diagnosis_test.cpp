@@ -1,0 +1,90 @@
+// Each cause of failure, from evidence made by hand.
+#include "sfm/diagnosis.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using sfm::PairGeometry;
+
+sfm::CaptureEvidence Evidence(int n, int features, double scale_px, int inliers, PairGeometry geometry) {
+  sfm::CaptureEvidence evidence;
+  for (int i = 0; i < n; ++i) evidence.features.push_back({std::to_string(i), features, scale_px});
+  for (int i = 0; i + 1 < n; ++i) {
+    evidence.pairs.push_back({std::to_string(i), std::to_string(i + 1), inliers, geometry});
+  }
+  return evidence;
+}
+
+// n cameras on an arc of `span_deg` around the origin, which holds all points.
+io::ColmapModel Arc(int n, double span_deg) {
+  io::ColmapModel model;
+  model.mean_reprojection_error_px = 0.5;
+  io::Point3D point;
+  for (int i = 0; i < n; ++i) {
+    const double angle = span_deg / 180 * EIGEN_PI * i / (n - 1);
+    io::Frame frame;
+    frame.world_from_cam.translation = Eigen::Vector3d(std::sin(angle), 0, std::cos(angle)) * 4;
+    model.scene.frames.push_back(frame);
+    point.frame_indices.push_back(i);
+  }
+  model.scene.points.assign(10, point);
+  return model;
+}
+
+void ExpectCause(const std::string& cause, const std::string& name) {
+  EXPECT_EQ(cause.substr(0, name.size() + 1), name + ":") << cause;
+}
+
+TEST(Diagnosis, CausesOfFailure) {
+  ExpectCause(sfm::FailureCause(Evidence(2, 2000, 2, 300, PairGeometry::kGeneral), 0), "too few pictures");
+  ExpectCause(sfm::FailureCause(Evidence(20, 40, 2, 0, PairGeometry::kGeneral), 0), "no texture");
+  ExpectCause(sfm::FailureCause(Evidence(20, 0, 0, 0, PairGeometry::kGeneral), 0), "no texture");
+  ExpectCause(sfm::FailureCause(Evidence(20, 40, 7, 0, PairGeometry::kGeneral), 0), "blur");
+  ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 300, PairGeometry::kPlanarOrRotation), 0),
+              "no baseline");
+  ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 16, PairGeometry::kGeneral), 3), "no overlap");
+}
+
+TEST(Diagnosis, TriangulationAngleOfAnArcIsItsSpan) {
+  EXPECT_NEAR(sfm::MedianTriangulationAngleDeg(Arc(5, 30).scene), 30, 1e-9);
+  EXPECT_NEAR(sfm::MedianTriangulationAngleDeg(Arc(5, 1e-5).scene), 1e-5, 1e-12);
+  EXPECT_EQ(sfm::MedianTriangulationAngleDeg({}), 0);
+}
+
+TEST(Diagnosis, AGoodModelIsAccepted) {
+  EXPECT_FALSE(
+      sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kGeneral)).has_value());
+}
+
+TEST(Diagnosis, ModelsThatMustBeRefused) {
+  const auto good = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
+  ExpectCause(sfm::RefusalCause(Arc(10, 1.0), good).value(), "no baseline");
+  ExpectCause(
+      sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kPlanarOrRotation)).value(),
+      "no baseline");
+  ExpectCause(sfm::RefusalCause(Arc(2, 60), good).value(), "no overlap");
+  io::ColmapModel inaccurate = Arc(10, 60);
+  inaccurate.mean_reprojection_error_px = 5;
+  ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+  inaccurate.mean_reprojection_error_px = std::nan("");
+  ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+}
+
+TEST(Diagnosis, PairsWithLittleSupportSayNothingAboutRotation) {
+  auto evidence = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
+  for (int i = 0; i < 100; ++i) evidence.pairs.push_back({"0", "5", 16, PairGeometry::kPlanarOrRotation});
+  EXPECT_EQ(sfm::HomographyShare(evidence.pairs), 0);
+  EXPECT_EQ(sfm::HomographyShare({}), 0);
+}
+
+TEST(Diagnosis, CausesOfOneMissingPicture) {
+  sfm::CaptureEvidence evidence{.features = {{"a", 50, 2}, {"b", 50, 8}, {"c", 2000, 2}, {"d", 2000, 2}},
+                                .pairs = {{"c", "a", 17}, {"d", "a", 120}}};
+  ExpectCause(sfm::UnregisteredCause("a", evidence), "no texture");
+  ExpectCause(sfm::UnregisteredCause("b", evidence), "blur");
+  EXPECT_EQ(sfm::UnregisteredCause("c", evidence), "no overlap: its best pair shares 17 matches");
+  ExpectCause(sfm::UnregisteredCause("d", evidence), "no consistent model");
+}
+
+}  // namespace
