@@ -27,16 +27,20 @@ void Progress::Update(double fraction, const std::string& note) {
   const auto now = std::chrono::steady_clock::now();
   const bool finished = fraction >= 1.0;
   if (shown_ && !finished && now - last_shown_ < (is_terminal_ ? kTerminalInterval : kPlainInterval)) return;
-  if (!shown_) first_fraction_ = fraction;
+  if (!shown_) {
+    first_fraction_ = fraction;
+    first_shown_ = now;
+  }
   shown_ = true;
   last_shown_ = now;
   const double elapsed = std::chrono::duration<double>(now - start_).count();
+  const double since_first = std::chrono::duration<double>(now - first_shown_).count();
   const double share = std::clamp(fraction, 0.0, 1.0);
   std::string eta = "ETA --";
   if (finished) {
     eta = "in " + FormatDuration(elapsed);
   } else if (share > first_fraction_ + kMinShareForEta) {
-    eta = "ETA " + FormatDuration(elapsed * (1.0 - share) / (share - first_fraction_));
+    eta = "ETA " + FormatDuration(since_first * (1.0 - share) / (share - first_fraction_));
   }
   std::fprintf(stderr,
                is_terminal_ ? "\r\033[K%s %3.0f %%  %s  %s" : "%s %3.0f %%  %s  %s\n",

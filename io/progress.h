@@ -20,7 +20,7 @@ class Progress {
   bool is_terminal_;
   bool shown_ = false;
   double first_fraction_ = 0;  // of the first update: resumed work starts above 0
-  std::chrono::steady_clock::time_point start_, last_shown_;
+  std::chrono::steady_clock::time_point start_, first_shown_, last_shown_;
 };
 
 // "1 h 02 min", "3 min 05 s", "4.2 s".

@@ -46,6 +46,14 @@ std::array<float, 3> OccupancyGrid::CellCentre(std::uint32_t cell) const {
   return {centre(cell % n), centre(cell / n % n), centre(cell / n / n)};
 }
 
+std::vector<std::uint32_t> OccupancyGrid::Candidates() const {
+  std::vector<std::uint32_t> cells;
+  for (std::uint32_t cell = 0; cell < density_.size(); ++cell) {
+    if (!IsNeverOccupied(cell)) cells.push_back(cell);
+  }
+  return cells;
+}
+
 float OccupancyGrid::Threshold(std::uint32_t cell) const {
   float size = map_.InnerSide() / static_cast<float>(resolution_);
   if (map_.unbounded) {

@@ -19,6 +19,7 @@ class OccupancyGrid {
   // survives about 22 visits without density before it is dropped.
   static constexpr float kDecay = 0.95f;
   static constexpr float kInitialFactor = 3.f;
+  static constexpr float kProbeDecay = 0.8f;
 
   OccupancyGrid() = default;
   // resolution: cells per axis, a multiple of 64.
@@ -43,11 +44,14 @@ class OccupancyGrid {
   void Visit(std::uint32_t cell, float sigma) {
     density_[cell] = std::max(density_[cell] * kDecay, sigma);
   }
-  // A probe of a cell that training does not visit: raises the density only.
-  void Probe(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell], sigma); }
+  // A probe at a random point of the cell, whether or not training visits it: density can come back, and fog that no ray
+  // meets goes. Five probes take a cell from its initial density below the threshold.
+  void Probe(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell] * kProbeDecay, sigma); }
 
   // Declares a cell empty for good, or possibly occupied (with the initial density).
   void SetEmpty(std::uint32_t cell) { density_[cell] = kNeverOccupied; }
+  // Cells that are not empty for good, in order.
+  std::vector<std::uint32_t> Candidates() const;
   void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
   bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
 

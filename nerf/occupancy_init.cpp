@@ -1,11 +1,15 @@
 #include "nerf/occupancy_init.h"
 
 #include <cmath>
+#include <limits>
 
 #include "io/check.h"
 
 namespace nerf {
 namespace {
+
+// The corners of a cell and its centre, in scene coordinates.
+using CellPoints = std::array<Eigen::Vector3f, 9>;
 
 // Projects the ball around a cell into a pinhole view.
 struct Projector {
@@ -32,6 +36,21 @@ struct Projector {
   }
   bool Contains(const Eigen::Vector2f& p, float margin) const {
     return p.x() >= margin && p.y() >= margin && p.x() <= width - margin && p.y() <= height - margin;
+  }
+
+  // Whether a corner or the centre of the cell lies in the picture and beyond `near`, or the camera is inside the cell.
+  bool SeesAny(const CellPoints& points, float near) const {
+    float nearest = std::numeric_limits<float>::infinity();
+    for (const Eigen::Vector3f& point : points) {
+      const Eigen::Vector3f in_cam = rotation * point + translation;
+      const float depth = -in_cam.z(), distance = in_cam.norm();
+      nearest = std::min(nearest, distance);
+      if (depth > 0 && distance > near &&
+          Contains({fl_x * in_cam.x() / depth + cx, -fl_y * in_cam.y() / depth + cy}, 0)) {
+        return true;
+      }
+    }
+    return nearest < (points[8] - points[0]).norm() && nearest > near;
   }
 
   Eigen::Matrix3f rotation;
@@ -66,19 +85,25 @@ class AlphaCount {
   std::vector<std::uint32_t> sums_;
 };
 
+void CellPointsOf(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell, CellPoints* points) {
+  const std::array<float, 3> unit = grid.CellCentre(cell);
+  const float half = 0.5f / static_cast<float>(grid.resolution());
+  map.FromUnit(unit.data(), (*points)[8].data());
+  for (std::size_t corner = 0; corner < 8; ++corner) {
+    float at[3];
+    // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them finite.
+    for (std::size_t i = 0; i < 3; ++i) at[i] = unit[i] + (corner >> i & 1 ? 0.99f : -0.99f) * half;
+    map.FromUnit(at, (*points)[corner].data());
+  }
+}
+
 // Centre and enclosing radius of a cell in scene coordinates.
 void CellBall(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell, Eigen::Vector3f* x, float* radius) {
-  std::array<float, 3> unit = grid.CellCentre(cell);
-  map.FromUnit(unit.data(), x->data());
+  CellPoints points;
+  CellPointsOf(grid, map, cell, &points);
+  *x = points[8];
   *radius = 0;
-  const float half = 0.5f / static_cast<float>(grid.resolution());
-  for (int corner = 0; corner < 8; ++corner) {
-    float at[3], y[3];
-    // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them finite.
-    for (int i = 0; i < 3; ++i) at[i] = unit[static_cast<std::size_t>(i)] + (corner >> i & 1 ? 0.99f : -0.99f) * half;
-    map.FromUnit(at, y);
-    *radius = std::max(*radius, (Eigen::Vector3f(y[0], y[1], y[2]) - *x).norm());
-  }
+  for (const Eigen::Vector3f& corner : points) *radius = std::max(*radius, (corner - *x).norm());
 }
 
 }  // namespace
@@ -134,19 +159,10 @@ void CarveByFrusta(const io::Scene& scene, const SpaceMap& map, double near, Wor
   workers->Run(n, [&](int slab, int) {
     const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
     for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells; cell < static_cast<std::uint32_t>(slab + 1) * cells; ++cell) {
-      Eigen::Vector3f x;
-      float radius;
-      CellBall(*grid, map, cell, &x, &radius);
+      CellPoints points;
+      CellPointsOf(*grid, map, cell, &points);
       int seen = 0;
-      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v) {
-        const Eigen::Vector3f in_cam = projectors[v].rotation * x + projectors[v].translation;
-        const float depth = -in_cam.z();
-        if (in_cam.norm() + radius < static_cast<float>(near) || depth + radius <= 0) continue;
-        Eigen::Vector2f centre;
-        float radius_px, ball_depth;
-        // A ball that reaches behind the camera may project anywhere: it counts as seen.
-        seen += !projectors[v].Project(x, radius, &centre, &ball_depth, &radius_px) || projectors[v].Contains(centre, -radius_px);
-      }
+      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v) seen += projectors[v].SeesAny(points, static_cast<float>(near));
       seen >= 2 ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
     }
   });

@@ -75,7 +75,7 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
     const double distance = 0.5 * (scene.near + scene.far);
     sampling.near = static_cast<float>(NearLimit(scene));
     sampling.cone_angle = static_cast<float>(kIntervalPixels * footprint / distance);
-    sampling.step_size = 0.25f * static_cast<float>(kIntervalPixels * footprint);
+    sampling.step_size = 0.5f * static_cast<float>(kIntervalPixels * footprint);
     // Beyond, one grid cell holds everything up to infinity.
     sampling.far = map.half * static_cast<float>(grid_resolution) / 2;
   } else {

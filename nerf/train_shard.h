@@ -37,14 +37,27 @@ struct ShardResult {
   std::uint64_t first_bad_ray = 0;  // valid when !finite
 };
 
+// A ray of the batch while it is marched.
+struct BatchRay {
+  std::uint64_t id;  // in the batch
+  Ray ray;
+  PixelTarget target;
+  float t, t_last;          // where marching goes on, and where it ends
+  float optical_depth = 0;  // so far
+  int n_kept = 0;           // samples that light reaches
+  bool marching = true;
+};
+
 // Scratch of one thread, reused.
 struct ShardScratch {
-  Samples marched;
-  std::vector<float> features, tau, alpha, weights, logit_gradients, log_sigma_gradients;
-  std::vector<int> ray_first;  // first sample of each ray that has samples; one more entry at the end
-  std::vector<PixelTarget> targets;
-  std::vector<Ray> rays;
-  std::vector<std::uint64_t> ray_ids;
+  std::vector<BatchRay> rays;
+  std::vector<int> wave_ray;             // ray of each run of samples of the current wave ...
+  std::vector<int> wave_first;           // ... and its first sample; one more entry at the end
+  Samples wave;
+  Samples kept;                          // in the order they were kept
+  std::vector<int> kept_ray;
+  std::vector<float> kept_features, features;  // [n][32]: as kept, and in ray order
+  std::vector<float> delta, tau, weights, logit_gradients, log_sigma_gradients;
   FieldRows rows;
 };
 

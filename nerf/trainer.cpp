@@ -22,8 +22,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
-constexpr int kRebuildEvery = 16;   // steps between rebuilds of the occupancy grid
-constexpr int kProbes = 16384;      // random cells probed at each rebuild, so that density can come back
+constexpr int kRebuildEvery = 16;  // steps between rebuilds of the occupancy grid
+// At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every one is.
+constexpr std::uint64_t kProbeStride = 16, kSweepSteps = 256;
 constexpr double kLossDecay = 0.98;  // running mean of the squared error, about 50 steps
 constexpr std::uint64_t kCollapseStep = 500;  // by then a living field is far above a constant picture
 constexpr double kCollapseMarginDb = 0.1, kCollapseOpacity = 1e-3;
@@ -79,6 +80,7 @@ class Trainer {
   std::string curve_;  // text of curve.csv
   double loss_ = 0, opacity_ = 0;
   double constant_squared_error_ = 0;
+  std::vector<std::uint32_t> candidates_;  // cells that may hold something
   std::uint64_t n_samples_ = 0, n_rays_ = 0;
 };
 
@@ -95,6 +97,7 @@ void Trainer::Begin() {
   }
   if (curve_.empty()) curve_ = "step,wall_s,cpu_s,loss,train_psnr,heldout_psnr\n";
   constant_squared_error_ = ConstantSquaredError(dataset_);
+  candidates_ = scene_field_->grid.Candidates();
 }
 
 double Trainer::Progress(double elapsed_s) const {
@@ -183,32 +186,30 @@ void Trainer::Merge(double progress) {
 
 void Trainer::UpdateOccupancy() {
   OccupancyGrid& grid = scene_field_->grid;
-  const int n = grid.resolution();
-  std::vector<std::uint32_t> cells(kProbes);
-  std::vector<float> sigma(kProbes);
-  workers_.Run(kShards, [&](int shard, int) {
-    constexpr int kCount = kProbes / kShards;
-    Samples samples;
-    FieldRows rows;
-    for (int i = 0; i < kCount; ++i) {
-      const int index = shard * kCount + i;
-      Random random(state_.seed, Stream::kProbe, state_.step, 4 * static_cast<std::uint64_t>(index));
-      const std::uint32_t cell = random.Below(static_cast<std::uint32_t>(grid.n_cells()));
-      const std::array<float, 3> centre = grid.CellCentre(cell);
-      const float size = 1.f / static_cast<float>(n);
-      cells[static_cast<std::size_t>(index)] = cell;
-      samples.x.push_back(centre[0] + size * (random.Uniform() - 0.5f));
-      samples.y.push_back(centre[1] + size * (random.Uniform() - 0.5f));
-      samples.z.push_back(centre[2] + size * (random.Uniform() - 0.5f));
+  const std::uint64_t rebuild = state_.step / kRebuildEvery;
+  const std::uint64_t stride = state_.step <= kSweepSteps ? 1 : kProbeStride;
+  std::vector<std::uint32_t> cells;
+  for (std::size_t i = rebuild % stride; i < candidates_.size(); i += stride) cells.push_back(candidates_[i]);
+  std::vector<float> sigma(cells.size());
+  constexpr std::size_t kTask = 4096;
+  const float size = 1.f / static_cast<float>(grid.resolution());
+  workers_.Run(static_cast<int>((cells.size() + kTask - 1) / kTask), [&](int task, int thread) {
+    const std::size_t first = static_cast<std::size_t>(task) * kTask, last = std::min(cells.size(), first + kTask);
+    ShardScratch& scratch = scratch_[static_cast<std::size_t>(thread)];
+    scratch.wave.clear();
+    for (std::size_t i = first; i < last; ++i) {
+      Random random(state_.seed, Stream::kProbe, state_.step, 3 * i);
+      const std::array<float, 3> centre = grid.CellCentre(cells[i]);
+      scratch.wave.x.push_back(centre[0] + size * (random.Uniform() - 0.5f));
+      scratch.wave.y.push_back(centre[1] + size * (random.Uniform() - 0.5f));
+      scratch.wave.z.push_back(centre[2] + size * (random.Uniform() - 0.5f));
     }
-    rows.Resize(kCount);
-    scene_field_->field.Encode(samples, 0, kCount, rows.features.data());
-    scene_field_->field.QueryDensity(rows.features.data(), &rows);
-    std::copy_n(rows.sigma.begin(), kCount, sigma.begin() + shard * kCount);
+    scratch.rows.Resize(static_cast<int>(last - first));
+    scene_field_->field.Encode(scratch.wave, 0, scratch.rows.n, scratch.rows.features.data());
+    scene_field_->field.QueryDensity(scratch.rows.features.data(), &scratch.rows);
+    std::copy_n(scratch.rows.sigma.begin(), last - first, sigma.begin() + static_cast<std::ptrdiff_t>(first));
   });
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    if (!grid.IsNeverOccupied(cells[i])) grid.Probe(cells[i], sigma[i]);
-  }
+  for (std::size_t i = 0; i < cells.size(); ++i) grid.Probe(cells[i], sigma[i]);
   grid.Rebuild();
 }
 
@@ -226,6 +227,7 @@ void Trainer::Restart() {
   fresh.channels = state_.channels;
   state_ = fresh;
   scene_field_ = MakeSceneField(scene_, dataset_, options_.field, state_.seed, &workers_, &report_.derivation);
+  candidates_ = scene_field_->grid.Candidates();
 }
 
 void Trainer::Monitor(double elapsed_s) {

@@ -138,7 +138,7 @@ std::string PlotSvg(const std::vector<PlotSeries>& series, const PlotOptions& op
     }
     if (points.empty()) continue;
     svg += "<polyline" + color + " points=\"" + points + "\"/>";
-    svg += Text(legend_x, 14, "end", series[k].label, color);
+    if (series.size() > 1) svg += Text(legend_x, 14, "end", series[k].label, color);
     legend_x -= 7.0 * static_cast<double>(series[k].label.size()) + 16;
   }
   return svg + "</svg>";

@@ -216,6 +216,9 @@ ReportData GatherReport(const fs::path& run_folder) {
     }
   }
   GatherStages(run_folder, run, &data);
+  fs::path named = data.input.empty() ? run_folder : fs::path(data.input);
+  if (!named.has_filename()) named = named.parent_path();  // "photos/" is named photos
+  data.name = named.filename().string();
   if (std::none_of(data.stages.begin(), data.stages.end(), [](const StageSummary& s) { return s.done; })) {
     throw io::Error(io::ExitCode::kBadInput,
                     run_folder.string() + ": holds no finished stage",

@@ -33,6 +33,7 @@ struct TrainingCurve {
 };
 
 struct ReportData {
+  std::string name;         // of the input, or of the run folder where that is unknown
   std::string input;        // what the user gave; empty when unknown
   std::string run_command;  // of `pipeline run`; empty when stages were started one by one
   std::string host, versions;

@@ -252,9 +252,7 @@ std::string CommandsSection(const ReportData& data) {
 }  // namespace
 
 std::string ReportPage(const ReportData& data) {
-  std::filesystem::path input = data.input;
-  if (!input.has_filename()) input = input.parent_path();  // "photos/" is named photos
-  const std::string title = EscapeHtml(input.empty() ? "Capture" : input.filename().string());
+  const std::string title = EscapeHtml(data.name);
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
          "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
          "media-src data:; "

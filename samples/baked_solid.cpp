@@ -8,7 +8,7 @@ namespace samples {
 namespace {
 
 constexpr int kCells =
-    56;  // per axis: a cell is 1 to 3 cm if the figurine is 1.3 m, about the width of a soft shadow
+    56;  // per axis: a cell is 1 to 2 cm if the figurine is 1.3 m, about the width of a soft shadow
 // A ray has arrived when it is this near: a tenth of the finest paint, a thirtieth of a pixel at arm's
 // length.
 constexpr double kHitDistance = 1e-4;

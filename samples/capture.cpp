@@ -26,7 +26,7 @@ using io::Error;
 using io::ExitCode;
 
 constexpr int kReferenceWidth = 960;  // at this width a texel of paint is about a pixel
-constexpr int kFramesPerKnock = 3, kBlurPoses = 8;
+constexpr int kFramesPerKnock = 3, kBlurPoses = 16;
 constexpr double kSecondsPerPhoto = 3, kBaseExposure_s = 1.0 / 80;
 constexpr int kDepthEvery = 10;
 

@@ -147,7 +147,7 @@ const std::array<Vec3, 4> kWire = {
 double AntennaDistance(const Vec3& p) {
   double d = SphereDistance(p, kWire[3], 0.042);
   for (std::size_t i = 0; i + 1 < kWire.size(); ++i) {
-    d = std::min(d, TaperDistance(p, kWire[i], kWireRadius, kWire[i + 1], kWireRadius));
+    d = std::min(d, CapsuleDistance(p, kWire[i], kWire[i + 1], kWireRadius));
   }
   return d;
 }

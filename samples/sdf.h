@@ -20,6 +20,12 @@ inline double EllipsoidDistance(const Vec3& p, const Vec3& centre, const Vec3& a
   return ((p - centre).cwiseQuotient(axes).norm() - 1) * axes.minCoeff();
 }
 
+// Everything within `radius` of the segment a-b.
+inline double CapsuleDistance(const Vec3& p, const Vec3& a, const Vec3& b, double radius) {
+  const Vec3 ab = b - a, ap = p - a;
+  return (ap - std::clamp(ap.dot(ab) / ab.squaredNorm(), 0.0, 1.0) * ab).norm() - radius;
+}
+
 // Segment a-b whose radius goes from ra to rb; the radius changes along the axis, so the result is scaled to
 // stay 1-Lipschitz.
 inline double TaperDistance(const Vec3& p, const Vec3& a, double ra, const Vec3& b, double rb) {
@@ -30,10 +36,13 @@ inline double TaperDistance(const Vec3& p, const Vec3& a, double ra, const Vec3&
   return ((ap - t * ab).norm() - (ra + t * (rb - ra))) / std::sqrt(1 + slope2);
 }
 
+// sqrt(x^2 + y^2); std::hypot guards against overflow that cannot happen here, and is several times slower.
+inline double Length(double x, double y) { return std::sqrt(x * x + y * y); }
+
 // Ring around the z axis through `centre`.
 inline double RingDistance(const Vec3& p, const Vec3& centre, double ring_radius, double tube_radius) {
   const Vec3 q = p - centre;
-  return std::hypot(std::hypot(q.x(), q.y()) - ring_radius, q.z()) - tube_radius;
+  return Length(Length(q.x(), q.y()) - ring_radius, q.z()) - tube_radius;
 }
 
 // Axis-parallel box with half sizes `half`, its edges rounded with `rounding`.

@@ -57,8 +57,8 @@ double TwigDistance(const Vec3& p) {
   const Vec3 q = p - kVase;
   double d = BerryDistance(q);
   for (const Twig& twig : kTwigs) {
-    d = std::min(d, TaperDistance(q, {0, 0, 0.55}, kTwigRadius, twig.bend, kTwigRadius));
-    d = std::min(d, TaperDistance(q, twig.bend, kTwigRadius, twig.tip, kTwigRadius));
+    d = std::min(d, CapsuleDistance(q, {0, 0, 0.55}, twig.bend, kTwigRadius));
+    d = std::min(d, CapsuleDistance(q, twig.bend, twig.tip, kTwigRadius));
   }
   return d;
 }
@@ -71,10 +71,9 @@ Surface TwigSurface(const Vec3& p, const Vec3&, std::uint64_t seed) {
 
 double BowlDistance(const Vec3& p) {
   const Vec3 q = p - kBowl;
-  const double r = std::hypot(q.x(), q.y());
+  const double r = Length(q.x(), q.y());
   // Above the rim the rim is nearest, below it the shell.
-  const double shell =
-      q.z() > 0 ? std::hypot(r - kBowlRadius, q.z()) : std::abs(std::hypot(r, q.z()) - kBowlRadius);
+  const double shell = q.z() > 0 ? Length(r - kBowlRadius, q.z()) : std::abs(Length(r, q.z()) - kBowlRadius);
   return SmoothUnion(shell - kBowlThickness, RingDistance(q, {0, 0, 0.03 - kBowl.z()}, 0.13, 0.03), 0.03);
 }
 

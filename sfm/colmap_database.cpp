@@ -25,7 +25,14 @@ constexpr int kConfigDegenerate = 1, kConfigPlanar = 4, kConfigPlanarOrPanoramic
 class Connection {
  public:
   explicit Connection(const std::filesystem::path& path) : path_(path) {
-    if (sqlite3_open_v2(path.c_str(), &handle_, SQLITE_OPEN_READONLY, nullptr) != SQLITE_OK) Fail();
+    // Not opened read-only: SQLite could then not fold COLMAP's write-ahead log into the file when we close
+    // it.
+    if (sqlite3_open_v2(path.c_str(), &handle_, SQLITE_OPEN_READWRITE, nullptr) != SQLITE_OK) {
+      const std::string message = sqlite3_errmsg(handle_);
+      sqlite3_close(handle_);
+      handle_ = nullptr;
+      Fail(message);
+    }
   }
   ~Connection() { sqlite3_close(handle_); }
   Connection(const Connection&) = delete;

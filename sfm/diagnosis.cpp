@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <numbers>
 
 namespace sfm {
@@ -17,8 +18,11 @@ constexpr double kBlurredScalePx = 4.0;
 // COLMAP triangulates from 1.5 degrees. Where half of all points stay this close to that limit, depth is
 // noise.
 constexpr double kMinMedianAngleDeg = 2.0;
-// Homographies explain >= 95 % of the pairs of a turning camera, and only neighbouring pairs of a moving one.
-constexpr double kMaxHomographyShare = 0.9;
+// Measured: 1.00 for a camera that turns, 0.65 for a walk around a nearly flat subject, below 0.1 for solid
+// ones.
+constexpr double kMaxHomographyShare = 0.95;
+// Well above the noise of angles in a folded model, and reached by every capture that surrounds its subject.
+constexpr double kWideAngleDeg = 5.0;
 // COLMAP drops observations beyond 4 px; a good model stays below 1.
 constexpr double kMaxMeanErrorPx = 3.0;
 
@@ -45,6 +49,20 @@ int MostInliers(const std::string& name, const std::vector<VerifiedPair>& pairs)
   return most;
 }
 
+double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
+}
+
+// Directions from the point to the cameras that observe it, in the order of frame_indices.
+std::vector<Eigen::Vector3d> Rays(const io::Scene& scene, const io::Point3D& point) {
+  std::vector<Eigen::Vector3d> rays;
+  for (const int frame : point.frame_indices) {
+    rays.push_back(
+        (scene.frames[static_cast<std::size_t>(frame)].world_from_cam.translation - point.xyz).normalized());
+  }
+  return rays;
+}
+
 std::string NoBaselineCause(double share) {
   return Format(
       "no baseline: in %.0f %% of the picture pairs a pure rotation (or one flat surface) explains "
@@ -58,20 +76,39 @@ std::string NoBaselineCause(double share) {
 double MedianTriangulationAngleDeg(const io::Scene& scene) {
   std::vector<double> angles;
   for (const io::Point3D& point : scene.points) {
-    std::vector<Eigen::Vector3d> rays;
-    for (const int frame : point.frame_indices) {
-      rays.push_back((scene.frames[static_cast<std::size_t>(frame)].world_from_cam.translation - point.xyz)
-                         .normalized());
-    }
+    const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
     double widest = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      for (std::size_t j = i + 1; j < rays.size(); ++j) {
-        widest = std::max(widest, std::atan2(rays[i].cross(rays[j]).norm(), rays[i].dot(rays[j])));
-      }
+      for (std::size_t j = i + 1; j < rays.size(); ++j) widest = std::max(widest, AngleDeg(rays[i], rays[j]));
     }
-    angles.push_back(widest * 180 / std::numbers::pi);
+    angles.push_back(widest);
   }
   return Median(angles);
+}
+
+double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  std::map<std::pair<int, int>, std::vector<double>> angles;
+  for (const io::Point3D& point : scene.points) {
+    const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      for (std::size_t j = 0; j < rays.size(); ++j) {
+        const int a = point.frame_indices[i], b = point.frame_indices[j];
+        if (a < b) angles[{a, b}].push_back(AngleDeg(rays[i], rays[j]));
+      }
+    }
+  }
+  std::map<std::string, int> frame_index;
+  for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+    frame_index[scene.frames[i].image_path.string()] = static_cast<int>(i);
+  }
+  std::vector<VerifiedPair> wide;
+  for (const VerifiedPair& pair : pairs) {
+    const auto a = frame_index.find(pair.name_a), b = frame_index.find(pair.name_b);
+    if (a == frame_index.end() || b == frame_index.end()) continue;
+    const auto seen = angles.find(std::minmax(a->second, b->second));
+    if (seen != angles.end() && Median(seen->second) > kWideAngleDeg) wide.push_back(pair);
+  }
+  return HomographyShare(wide);
 }
 
 double HomographyShare(const std::vector<VerifiedPair>& pairs) {
@@ -87,7 +124,7 @@ double HomographyShare(const std::vector<VerifiedPair>& pairs) {
 std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence) {
   const int registered = static_cast<int>(model.scene.frames.size());
   if (registered < kMinPictures || model.scene.points.empty()) return FailureCause(evidence, registered);
-  const double share = HomographyShare(evidence.pairs);
+  const double share = FoldedShare(model.scene, evidence.pairs);
   if (share > kMaxHomographyShare) return NoBaselineCause(share);
   const double angle = MedianTriangulationAngleDeg(model.scene);
   if (angle < kMinMedianAngleDeg) {

@@ -27,6 +27,11 @@ double MedianTriangulationAngleDeg(const io::Scene& scene);
 // turned, or when all there is to see is one plane. 0 without such pairs.
 double HomographyShare(const std::vector<VerifiedPair>& pairs);
 
+// The same share among the pairs that, in this model, see their common points at more than 5 degrees
+// (median). A model folded out of a pure rotation claims parallax that none of its pairs shows. 0 without
+// such pairs.
+double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs);
+
 // A cause when the model must not be used: too few pictures, rays that hardly diverge, large errors.
 std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence);
 

@@ -239,23 +239,6 @@ TEST_F(Transforms, RefusesMatricesThatAreNoPose) {
             "");
 }
 
-TEST_F(Transforms, RefusesBrokenJsonWithThePlace) {
-  EXPECT_NE(Refusal(""), "");
-  EXPECT_NE(Refusal("{\"frames\": [").find("line 1, column 13"), std::string::npos);
-  EXPECT_NE(Refusal(File("\"fl_x\": 10") + "}").find("line 1"), std::string::npos);
-  EXPECT_EQ(Refusal("\xEF\xBB\xBF" + File("\"fl_x\": 10")), "");
-  for (const char* number : {"NaN", "Infinity", "-Infinity", "0x10", "01"})
-    EXPECT_NE(Refusal(File(std::string("\"fl_x\": ") + number)).find("line 1"), std::string::npos) << number;
-  EXPECT_NE(Refusal(File("\"fl_x\": 1e400")).find("byte 14"), std::string::npos);
-  EXPECT_NE(Refusal(File("\"fl_x\": 10, \"fl_x\": 10")).find("occurs twice"), std::string::npos);
-  const auto nested = [&](std::size_t n) {
-    return Refusal(File("\"fl_x\": 10, \"deep\": " + std::string(n, '[') + std::string(n, ']')));
-  };
-  EXPECT_EQ(nested(63), "");
-  EXPECT_NE(nested(64).find("nested"), std::string::npos);
-  EXPECT_NE(nested(1'000'000).find("nested"), std::string::npos);
-}
-
 TEST_F(Transforms, RefusesWrongTypesRangesAndContradictions) {
   const struct {
     const char *top, *frame, *named;
@@ -269,7 +252,7 @@ TEST_F(Transforms, RefusesWrongTypesRangesAndContradictions) {
       {"\"fl_x\": 0", "", "fl_x: 0 is outside"},
       {"\"fl_x\": true", "", "fl_x: is not a number"},
       {"\"cx\": 4", "", "frames[0]: states no fl_x"},
-      {"\"fl_x\": 10, \"camera_angle_x\": 0.9", "", "contradicts camera_angle_x"},
+      {"\"fl_x\": 10, \"camera_angle_x\": 0.765", "", "contradicts camera_angle_x"},
       {"\"fl_x\": 10, \"x_fov\": 50", "", "contradicts x_fov"},
       {"\"fl_x\": 10", ", \"fl_x\": 10.1", "frames[0].fl_x: contradicts the value on the top level"},
       {"\"fl_x\": 10, \"is_fisheye\": true", "", "Undistort first"},

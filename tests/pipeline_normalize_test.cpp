@@ -209,6 +209,16 @@ TEST_F(Normalize, ColmapWorkspaceUsesTheLargestModelAndItsTracks) {
   EXPECT_EQ(Split("train").scene.frames.size() + Split("test").scene.frames.size(), std::size_t{kFrames});
   EXPECT_EQ(Record()["points"], 200);
   EXPECT_GT(Record()["coverage"], 0.98);
+  // What COLMAP observed in its axes is where the written cameras see the written points (float32 in the
+  // PLY).
+  const io::Scene test = Split("test").scene;
+  for (std::size_t p = 0; p < scene.points.size(); ++p) {
+    const auto before =
+        io::ImgFromCam(scene.cameras[0], scene.frames[8].world_from_cam.Inverse() * scene.points[p].xyz);
+    const auto after =
+        io::ImgFromCam(test.cameras[0], test.frames[1].world_from_cam.Inverse() * test.points[p].xyz);
+    EXPECT_NEAR((*before - *after).norm(), 0, 1e-3);
+  }
   EXPECT_EQ(Run({"--poses", (in_ / "sparse/0").string(), "--force"}), 0);  // named by the user: taken
   EXPECT_EQ(Split("train").scene.frames.size() + Split("test").scene.frames.size(), 4u);
 }

@@ -338,7 +338,8 @@ TEST(PlotSvg, NeedsTwoFinitePoints) {
   EXPECT_EQ(pipeline::PlotSvg({{"a", {1}, {2}}}, {"x", "y"}), "");
   EXPECT_EQ(pipeline::PlotSvg({{"a", {1, 2}, {2, nan}}}, {"x", "y"}), "");
   EXPECT_EQ(pipeline::PlotSvg({{"a", {1, 2}, {0, -1}}}, {"x", "y", true}), "");  // no logarithm
-  const std::string svg = pipeline::PlotSvg({{"a<b", {0, 1, 2}, {5, nan, 7}}}, {"x", "y"});
+  const std::string svg =
+      pipeline::PlotSvg({{"a<b", {0, 1, 2}, {5, nan, 7}}, {"c", {0, 2}, {5, 5}}}, {"x", "y"});
   // The corners of the drawing area, the gap left out.
   EXPECT_NE(svg.find("points=\"56.0,256.0 548.0,26.0 \""), std::string::npos) << svg;
   EXPECT_NE(svg.find("a&lt;b"), std::string::npos);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <fstream>
 #include <opencv2/videoio.hpp>
 #include <set>
@@ -14,6 +15,7 @@
 #include "io/photo_tags.h"
 #include "io/process.h"
 #include "io/transforms.h"
+#include "samples/photograph.h"
 
 namespace {
 
@@ -41,6 +43,17 @@ class Capture : public testing::Test {
   fs::path root_;
 };
 
+double Correlation(const io::Image& a, const io::Image& b) {
+  const auto n = static_cast<double>(a.data.size());
+  double sum_a = 0, sum_b = 0, sum_aa = 0, sum_bb = 0, sum_ab = 0;
+  for (std::size_t i = 0; i < a.data.size(); ++i) {
+    const double x = a.data[i], y = b.data[i];
+    sum_a += x, sum_b += y, sum_aa += x * x, sum_bb += y * y, sum_ab += x * y;
+  }
+  return (n * sum_ab - sum_a * sum_b) /
+         std::sqrt((n * sum_aa - sum_a * sum_a) * (n * sum_bb - sum_b * sum_b));
+}
+
 TEST_F(Capture, PhotosCarryTagsAndTheTruthReadsBack) {
   samples::CaptureOptions options = Small("photos");
   options.depth = true;
@@ -63,6 +76,18 @@ TEST_F(Capture, PhotosCarryTagsAndTheTruthReadsBack) {
   ASSERT_EQ(test.scene.frames.size(), 2u);
   EXPECT_FALSE(test.scene.cameras[0].HasDistortion());
   EXPECT_EQ(io::ReadImage(options.out / "truth/test/002.png").height, 72);
+
+  // The truth is the truth: the scene seen from the written poses through the written lens is what was
+  // photographed.
+  const samples::StillLife scene({.seed = options.seed, .detail = options.width / 960.0, .threads = 2});
+  const auto retaken = [&](const io::TransformsFile& file, std::size_t frame) {
+    const samples::Photographer photographer(file.scene.cameras[0], options.photo_samples, 2);
+    return photographer.Take(scene, {file.scene.frames[frame].world_from_cam}, {});
+  };
+  EXPECT_EQ(retaken(test, 1).data, io::ReadImage(options.out / "truth/test/002.png").data);
+  const io::Image photo = io::ReadImage(options.out / "photos/IMG_0003.jpg");
+  EXPECT_GT(Correlation(retaken(truth, 2), photo), 0.97);
+  EXPECT_LT(Correlation(retaken(truth, 1), photo), 0.8);
 
   const std::string depth = io::ReadFile(options.out / "truth/depth/IMG_0001.pfm");
   EXPECT_EQ(depth.substr(0, 3), "Pf\n");

@@ -146,6 +146,21 @@ TEST(Photographer, PointsSeenInOnePhotographAreWhereTheTruthPutsThemInAnother) {
   EXPECT_GT(agreeing, 0.8 * seen);  // the rest is occluded
 }
 
+TEST(Photographer, PixelShowsWhatTheRayThroughItsCentreSees) {
+  const io::Rigid3d pose = samples::OrbitPoses(60, 1)[15];
+  const io::Image image = samples::Photographer(SmallCamera(), 1, 2).Take(SharedScene(), {pose}, {});
+  for (int y = 1; y < kHeight; y += 7) {
+    for (int x = 1; x < kWidth; x += 7) {
+      const Vec3 ray = io::RayFromImg(SmallCamera(), {x + 0.5, y + 0.5}).value();
+      const Vec3 seen = SharedScene().Radiance(pose.translation, pose.rotation * ray, 1 / SmallCamera().fl_x);
+      const double linear = std::clamp(seen.y(), 0.0031308, 1.0);
+      // One level for rays kept in single precision.
+      EXPECT_NEAR(image.Pixel(x, y)[1], 255 * (1.055 * std::pow(linear, 1 / 2.4) - 0.055), 1.6)
+          << x << " " << y;
+    }
+  }
+}
+
 TEST(Photographer, ResultDoesNotDependOnTheNumberOfThreads) {
   const samples::StillLife one_thread({.seed = 1, .detail = 0.1, .threads = 1});
   const io::Rigid3d pose = samples::OrbitPoses(60, 1)[15];

@@ -25,6 +25,7 @@ io::ColmapModel Arc(int n, double span_deg) {
     const double angle = span_deg / 180 * EIGEN_PI * i / (n - 1);
     io::Frame frame;
     frame.world_from_cam.translation = Eigen::Vector3d(std::sin(angle), 0, std::cos(angle)) * 4;
+    frame.image_path = std::to_string(i);
     model.scene.frames.push_back(frame);
     point.frame_indices.push_back(i);
   }
@@ -69,6 +70,17 @@ TEST(Diagnosis, ModelsThatMustBeRefused) {
   ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
   inaccurate.mean_reprojection_error_px = std::nan("");
   ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+}
+
+TEST(Diagnosis, HomographiesBetweenClosePicturesAreNormal) {
+  // Neighbours 3 degrees apart are explained by homographies, pictures 30 degrees apart are not.
+  auto evidence = Evidence(21, 2000, 2, 300, PairGeometry::kPlanarOrRotation);
+  evidence.pairs.push_back({"0", "10", 200, PairGeometry::kGeneral});
+  EXPECT_GT(sfm::HomographyShare(evidence.pairs), 0.9);
+  EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 0);
+  EXPECT_FALSE(sfm::RefusalCause(Arc(21, 60), evidence).has_value());
+  evidence.pairs.back().geometry = PairGeometry::kPlanarOrRotation;
+  EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 1);
 }
 
 TEST(Diagnosis, PairsWithLittleSupportSayNothingAboutRotation) {

@@ -112,23 +112,26 @@ TEST(Normalize, BoundedSceneFitsBetweenNearAndFarInAnyGauge) {
 }
 
 TEST(Normalize, ScaleIsEightOverNPlusFOfTheQuantiles) {
-  // One point per depth on the axis of each of three cameras around the origin: 201 depths from 3 to 5.
+  // 134 points on the axis of each of three cameras around the origin, equally spaced in depth. Each is
+  // observed three times by its camera alone, so that 402 depths stand in groups of three.
+  const double first[] = {3, 3.2, 3.3}, last[] = {4.6, 5, 4.5};
   io::Scene scene;
   scene.cameras = {{.width = 64, .height = 48, .fl_x = 50, .fl_y = 50, .cx = 32, .cy = 24}};
   for (int k = 0; k < 3; ++k) {
     const Vector3d centre(4 * std::cos(2 * kPi * k / 3), 4 * std::sin(2 * kPi * k / 3), 0);
     scene.frames.push_back({"", 0, LookAt(centre, Vector3d::Zero(), Vector3d::UnitZ())});
-    for (int i = 0; i <= 200; ++i) {
+    for (int i = 0; i <= 133; ++i) {
       io::Point3D point;
-      point.xyz = centre * (1 - (3 + 0.01 * i) / 4);
+      point.xyz = centre * (1 - (first[k] + i / 133.0 * (last[k] - first[k])) / 4);
       point.frame_indices = {k, k, k};
       scene.points.push_back(point);
     }
   }
   const auto report = sfm::NormalizeScene(scene);
-  // p0.5 of 201 values is the second lowest, p99.5 the second highest: 3.01 and 4.99.
-  EXPECT_NEAR(report.f_over_n, 4.99 / 3.01, 1e-12);
-  EXPECT_NEAR(report.scene.scene_from_sfm.scale, 8 / (3.01 + 4.99), 1e-12);
+  // Rank 0.005 * 401 = 2.005, rounded inwards to 3, is the second lowest point; likewise the second highest.
+  const double n = 3 + (4.6 - 3) / 133, f = 5 - (5 - 3.2) / 133;
+  EXPECT_NEAR(report.f_over_n, f / n, 1e-12);
+  EXPECT_NEAR(report.scene.scene_from_sfm.scale, 8 / (n + f), 1e-12);
   EXPECT_NEAR(report.focus.norm(), 0, 1e-12);
 }
 
@@ -234,13 +237,14 @@ TEST(Normalize, WithoutTracksThePictureDecidesWhatACameraSees) {
   const auto report = sfm::NormalizeScene(Orbit(1, {}, false));
   EXPECT_FALSE(report.scene.unbounded);
   EXPECT_GE(*report.coverage, 0.99);
-  io::Scene behind = Orbit(0.3, {}, false);  // far points that no camera has in its picture
+  io::Scene above = Orbit(0.3, {}, false);
+  const double scale = sfm::NormalizeScene(above).scene.scene_from_sfm.scale;
   for (int i = 0; i < 50; ++i) {
-    io::Point3D point;
-    point.xyz = {0, 0, 500.0 + i};
-    behind.points.push_back(point);
+    io::Point3D point;  // in front of every camera, but above every picture
+    point.xyz = {0, 0, 5 + 0.01 * i};
+    above.points.push_back(point);
   }
-  EXPECT_FALSE(sfm::NormalizeScene(behind).scene.unbounded);
+  EXPECT_EQ(sfm::NormalizeScene(above).scene.scene_from_sfm.scale, scale);
 }
 
 TEST(Normalize, WithoutPointsTheAxesSetTheScale) {
@@ -253,11 +257,11 @@ TEST(Normalize, WithoutPointsTheAxesSetTheScale) {
     EXPECT_NEAR(frame.world_from_cam.translation.norm(), 4, 1e-9);
 }
 
-TEST(Normalize, ParallelAxesAreCentredOnThePoints) {
-  io::Scene scene;  // cameras on a line, all looking along +y at points 10 away
+TEST(Normalize, NearlyParallelAxesAreCentredOnThePoints) {
+  io::Scene scene;  // cameras on a line; the axes meet 50 away, the points are 10 away
   scene.cameras = {{.width = 64, .height = 48, .fl_x = 50, .fl_y = 50, .cx = 32, .cy = 24}};
   for (int i = 0; i < 9; ++i)
-    scene.frames.push_back({"", 0, LookAt({0.5 * i - 2, 0, 0}, {0.5 * i - 2, 1, 0}, Vector3d::UnitZ())});
+    scene.frames.push_back({"", 0, LookAt({0.5 * i - 2, 0, 0}, {0, 50, 0}, Vector3d::UnitZ())});
   AddPoints(&scene, 400, 2, true);
   for (io::Point3D& point : scene.points) point.xyz.y() += 10;
   const auto report = sfm::NormalizeScene(scene);
@@ -268,19 +272,21 @@ TEST(Normalize, ParallelAxesAreCentredOnThePoints) {
 }
 
 TEST(Normalize, OutwardRigIsCentredOnThePointsNotBehindTheCameras) {
-  io::Scene scene;  // cameras on a small circle looking outwards at a shell of points
+  io::Scene scene;  // cameras on a small half circle looking outwards at half a shell of points
   scene.cameras = {{.width = 64, .height = 48, .fl_x = 30, .fl_y = 30, .cx = 32, .cy = 24}};
-  for (int i = 0; i < 12; ++i) {
-    const Vector3d out(std::cos(2 * kPi * i / 12), std::sin(2 * kPi * i / 12), 0);
+  for (int i = 0; i <= 12; ++i) {
+    const Vector3d out(std::sin(kPi * i / 12), std::cos(kPi * i / 12), 0);
     scene.frames.push_back({"", 0, LookAt(0.3 * out, 2 * out, Vector3d::UnitZ())});
   }
   std::mt19937 random(2);
   for (int i = 0; i < 800; ++i) {
     io::Point3D point;
     point.xyz = 5 * RandomInBall(&random, 1).normalized();
+    point.xyz.x() = std::abs(point.xyz.x());
     scene.points.push_back(point);
   }
   const auto report = sfm::NormalizeScene(scene);
+  EXPECT_GT(report.focus.x(), 1);
   EXPECT_FALSE(report.scene.unbounded);
   EXPECT_GE(WorstContainment(report.scene, 800), 0.995);
 }
