@@ -1,6 +1,6 @@
-// COLMAP sparse models (cameras, images, points3D; binary or text). The reader is ours because COLMAP's accepts
-// truncated files, NaN poses and dangling references without a word: every count is checked against the bytes that
-// remain before anything is allocated, every reference and number is verified.
+// COLMAP sparse models (cameras, images, points3D; binary or text). The reader is ours because COLMAP's
+// accepts truncated files, NaN poses and dangling references without a word: every count is checked against
+// the bytes that remain before anything is allocated, every reference and number is verified.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,8 @@
 namespace io {
 
 struct ColmapModel {
-  Scene scene;  // OpenGL axes, frames sorted naturally by name; image_path is the picture's name; points carry tracks
+  Scene scene;  // OpenGL axes, frames sorted naturally by name; image_path is the picture's name; points
+                // carry tracks
   std::string camera_model;  // COLMAP's name of the (first) camera model
   double mean_reprojection_error_px = 0;
   double mean_track_length = 0;

@@ -135,6 +135,7 @@ int Film(const CaptureOptions& options, const StillLife& still_life, const fs::p
   io::Progress progress("film");
   for (int i = 0; i < frames; ++i) {
     io::ThrowIfInterrupted();
+    const std::string name = Numbered("frame_%06d.png", i);  // as `pipeline ingest` will call it
     const io::Rigid3d pose = WalkPose(i / options.video_fps, options.video_s, options.seed);
     const double ev = options.exposure_ev * std::sin(8.0 * i / frames);  // the camera adjusts itself slowly
     const Exposure exposure{ev, options.noise_sigma, Hash(i, 8, options.seed)};
@@ -146,11 +147,11 @@ int Film(const CaptureOptions& options, const StillLife& still_life, const fs::p
       for (int b = 0; b < kBlurPoses; ++b) {
         poses.push_back(KnockedPose(pose, options.blur_angle * ((b + 0.5) / kBlurPoses - 0.5)));
       }
-      blurred_names += io::VideoFrameName(i) + "\n";
+      blurred_names += name + "\n";
     }
     io::WriteImage(frame_folder / io::VideoFrameName(i),
                    (knocked ? blurred : sharp).Take(still_life, poses, exposure));
-    truth.frames.push_back({io::VideoFrameName(i), 0, pose});
+    truth.frames.push_back({name, 0, pose});
     progress.Update((i + 1.0) / frames);
   }
   io::EncodeVideo(encoder, frame_folder, frames, options.video_fps, folder / "walkaround.mp4");

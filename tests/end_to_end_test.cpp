@@ -19,10 +19,11 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kPhotos = 24, kFilmFrames = 24;
-constexpr double kMinPsnr = 20;       // after 20 s of training at 240 x 180; typical values are well above
+constexpr int kPhotos = 24, kFilmFrames = 12;
+constexpr double kMinPsnr = 19;       // after 400 steps at 160 x 120
+constexpr int kMinInterrupted = 4;    // of seven stages: the long ones
 constexpr double kQuickRerun_s = 10;  // hashing and starting eight programs
-constexpr double kMaxStage_s = 240;   // an idle machine needs a tenth
+constexpr double kMaxStage_s = 300;   // an idle machine needs a tenth
 
 Json ReadJson(const fs::path& path) { return Json::parse(ReadText(path), nullptr, false); }
 
@@ -69,7 +70,7 @@ class EndToEnd : public testing::Test {
         status = record["stages"][stage].value("status", "");
     }
     EXPECT_EQ(status, "running") << stage << "\n" << Output();
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
     kill(child, SIGKILL);  // the others follow: each dies with its parent
     waitpid(child, nullptr, 0);
   }
@@ -84,14 +85,21 @@ TEST_F(EndToEnd, KilledInEveryStageAndContinuedThePhotosBecomeFilmAndReport) {
                                               "--out",
                                               out.string(),
                                               "--features=1024",
-                                              "--time=20s",
-                                              "--image-size=240",
+                                              "--steps=400",
+                                              "--image-size=160",
                                               "--frames-out=" + std::to_string(kFilmFrames)};
+  int n_interrupted = 0;
   for (const pipeline::StageEntry& stage : pipeline::StageTable()) {
     KillIn(stage.name, arguments, out);
     ASSERT_FALSE(HasFailure());
-    EXPECT_FALSE(fs::exists(out / stage.folder)) << stage.name << " shows a half-written result";
+    const fs::path result = out / stage.folder;
+    if (!fs::exists(result)) {
+      ++n_interrupted;
+    } else {  // the kill came too late: then all of it is there
+      EXPECT_EQ(ReadJson(result / (std::string(stage.folder) + ".json"))["status"], "done") << stage.name;
+    }
   }
+  EXPECT_GE(n_interrupted, kMinInterrupted);
   ASSERT_EQ(Run(arguments), 0) << Output();
 
   EXPECT_EQ(ReadJson(out / "ingest/ingest.json")["kept"], kPhotos);

@@ -125,12 +125,14 @@ TEST_F(Capture, FilmHasItsLengthAndItsBlurredFramesAreTheBlurredOnes) {
   options.test_views = 0;
   options.blur_angle = 0.12;
   EXPECT_EQ(samples::WriteCapture(options).pictures, 30);
-  EXPECT_NE(io::ReadFile(options.out / "truth/transforms.json").find("\"000030.png\""), std::string::npos);
+  EXPECT_NE(io::ReadFile(options.out / "truth/transforms.json").find("\"frame_000029.png\""),
+            std::string::npos);
   EXPECT_FALSE(fs::exists(options.out / "frames"));
 
   std::set<int> blurred;
   std::ifstream names(options.out / "truth/blurred_frames.txt");
-  for (std::string name; std::getline(names, name);) blurred.insert(std::stoi(name) - 1);
+  for (std::string name; std::getline(names, name);)
+    blurred.insert(std::stoi(name.substr(name.find('_') + 1)));
   EXPECT_EQ(blurred.size(), 3u);
   cv::VideoCapture film((options.out / "walkaround.mp4").string());
   double sharpest_blurred = 0, softest_sharp = 1e18;
