@@ -52,7 +52,7 @@ struct Scene {
   std::vector<Point3D> points;
   Sim3d scene_from_sfm;  // how the original world was moved and scaled; identity until normalised
   double near = 2.0, far = 6.0;
-  Aabb aabb;  // region of interest in scene units
+  Aabb aabb;               // region of interest in scene units
   bool unbounded = false;  // pictures show things beyond far and aabb: space outside is to be contracted
 };
 

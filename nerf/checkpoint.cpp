@@ -53,33 +53,52 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
   const SamplerOptions& sampling = scene_field->sampler_options;
   const HashFieldOptions& field = scene_field->field.options();
   Json header;
-  header["map"] = {{"x", map.centre[0]}, {"y", map.centre[1]}, {"z", map.centre[2]}, {"half", map.half}, {"unbounded", map.unbounded ? 1 : 0}};
-  header["sampling"] = {{"near", sampling.near}, {"far", sampling.far}, {"step_size", sampling.step_size}, {"cone_angle", sampling.cone_angle}};
+  header["map"] = {{"x", map.centre[0]},
+                   {"y", map.centre[1]},
+                   {"z", map.centre[2]},
+                   {"half", map.half},
+                   {"unbounded", map.unbounded ? 1 : 0}};
+  header["sampling"] = {{"near", sampling.near},
+                        {"far", sampling.far},
+                        {"step_size", sampling.step_size},
+                        {"cone_angle", sampling.cone_angle}};
   header["field"] = {{"n_levels", field.n_levels},
                      {"log2_hashmap_size", field.log2_hashmap_size},
                      {"base_resolution", field.base_resolution},
                      {"finest_resolution", field.finest_resolution}};
   header["grid_resolution"] = scene_field->grid.resolution();
-  header["state"] = {{"seed", state.seed}, {"step", state.step}, {"elapsed_s", state.elapsed_s}, {"n_rays", state.n_rays},
-                     {"learning_rate_scale", state.learning_rate_scale}, {"skipped_steps", state.skipped_steps},
-                     {"restarts", state.restarts}, {"squared_error", state.squared_error}, {"channels", state.channels}};
+  header["state"] = {{"seed", state.seed},
+                     {"step", state.step},
+                     {"elapsed_s", state.elapsed_s},
+                     {"n_rays", state.n_rays},
+                     {"learning_rate_scale", state.learning_rate_scale},
+                     {"skipped_steps", state.skipped_steps},
+                     {"restarts", state.restarts},
+                     {"squared_error", state.squared_error},
+                     {"channels", state.channels}};
   std::size_t size = kPrefix;
   for (const auto& tensor : Tensors(scene_field)) {
-    header["tensors"].push_back({{"name", tensor.name}, {"count", tensor.values->size()}, {"hash", io::HashBytes(Bytes(*tensor.values))}});
+    header["tensors"].push_back({{"name", tensor.name},
+                                 {"count", tensor.values->size()},
+                                 {"hash", io::HashBytes(Bytes(*tensor.values))}});
     size += tensor.values->size() * sizeof(float);
   }
   const std::string text = header.dump();
   const auto length = static_cast<std::uint32_t>(text.size());
   std::string file;
   file.reserve(size + text.size());
-  file.append(kMagic, kMagicSize).append(reinterpret_cast<const char*>(&length), 4).append(io::HashBytes(text)).append(text);
+  file.append(kMagic, kMagicSize)
+      .append(reinterpret_cast<const char*>(&length), 4)
+      .append(io::HashBytes(text))
+      .append(text);
   for (const auto& tensor : Tensors(scene_field)) file.append(Bytes(*tensor.values));
   io::WriteFileAtomically(path, file);
 }
 
 std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state) {
   const std::string file = io::ReadFile(path, kMaxFile);
-  if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0) Reject(path, "is not a checkpoint of this version");
+  if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0)
+    Reject(path, "is not a checkpoint of this version");
   std::uint32_t length;
   std::memcpy(&length, file.data() + kMagicSize, 4);
   if (length > kMaxHeader || length > file.size() - kPrefix) Reject(path, "is cut off in its header");
@@ -91,7 +110,8 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   const Json &m = header["map"], &s = header["sampling"], &f = header["field"], &t = header["state"];
   constexpr float kHuge = 1e30f;
   SpaceMap map;
-  map.centre = {Get(path, m, "x", -kHuge, kHuge), Get(path, m, "y", -kHuge, kHuge), Get(path, m, "z", -kHuge, kHuge)};
+  map.centre = {
+      Get(path, m, "x", -kHuge, kHuge), Get(path, m, "y", -kHuge, kHuge), Get(path, m, "z", -kHuge, kHuge)};
   map.half = Get(path, m, "half", 1e-30f, kHuge);
   map.unbounded = Get(path, m, "unbounded", 0, 1) == 1;
   const SamplerOptions sampling{.near = Get(path, s, "near", 0.f, kHuge),
@@ -116,16 +136,19 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   auto scene_field = std::make_unique<SceneField>(map, sampling, options, grid_resolution, 0);
   std::size_t at = kPrefix + length, index = 0;
   const auto tensors = Tensors(scene_field.get());
-  if (!header["tensors"].is_array() || header["tensors"].size() != tensors.size()) Reject(path, "header lists other tensors");
+  if (!header["tensors"].is_array() || header["tensors"].size() != tensors.size())
+    Reject(path, "header lists other tensors");
   for (const auto& tensor : tensors) {
     const Json& entry = header["tensors"][index++];
     const std::size_t bytes = tensor.values->size() * sizeof(float);
-    if (entry.value("name", "") != tensor.name || entry.value("count", std::size_t{0}) != tensor.values->size()) {
+    if (entry.value("name", "") != tensor.name ||
+        entry.value("count", std::size_t{0}) != tensor.values->size()) {
       Reject(path, std::string("tensor ") + tensor.name + " has another size");
     }
     if (file.size() - at < bytes) Reject(path, std::string("is cut off in tensor ") + tensor.name);
     std::memcpy(tensor.values->data(), file.data() + at, bytes);
-    if (entry.value("hash", "") != io::HashBytes(Bytes(*tensor.values))) Reject(path, std::string("hash of tensor ") + tensor.name + " differs");
+    if (entry.value("hash", "") != io::HashBytes(Bytes(*tensor.values)))
+      Reject(path, std::string("hash of tensor ") + tensor.name + " differs");
     at += bytes;
   }
   if (at != file.size()) Reject(path, "has bytes after its last tensor");

@@ -1,6 +1,9 @@
-// The state of a training run in one file: field, Adam moments, occupancy, schedule. Our own format, without code:
-//   8 bytes magic "NERFCKP1", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw float32 tensors.
-// The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's length field.
+// The state of a training run in one file: field, Adam moments, occupancy, schedule. Our own format, without
+// code:
+//   8 bytes magic "NERFCKP1", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw float32
+//   tensors.
+// The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
+// length field.
 #pragma once
 
 #include <filesystem>
@@ -13,13 +16,13 @@ namespace nerf {
 
 struct TrainState {
   std::uint64_t seed = 1;
-  std::uint64_t step = 0;      // finished steps
-  double elapsed_s = 0;        // training time used, monitoring excluded
-  int n_rays = 2048;           // size of the next batch
+  std::uint64_t step = 0;          // finished steps
+  double elapsed_s = 0;            // training time used, monitoring excluded
+  int n_rays = 2048;               // size of the next batch
   double learning_rate_scale = 1;  // halved after each non-finite step
   int skipped_steps = 0, restarts = 0;
-  double squared_error = -1;   // running mean over pixels and channels; -1: none yet
-  int channels = 3;            // of the pictures
+  double squared_error = -1;  // running mean over pixels and channels; -1: none yet
+  int channels = 3;           // of the pictures
 };
 
 void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state);

@@ -13,7 +13,8 @@ using io::ExitCode;
 
 RayCamera::RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam) {
   if (camera.HasDistortion()) {
-    throw Error(ExitCode::kBadInput, "camera has lens distortion", "Run `pipeline normalize`, which undistorts");
+    throw Error(
+        ExitCode::kBadInput, "camera has lens distortion", "Run `pipeline normalize`, which undistorts");
   }
   inv_fl_x_ = static_cast<float>(1.0 / camera.fl_x);
   inv_fl_y_ = static_cast<float>(1.0 / camera.fl_y);
@@ -26,7 +27,8 @@ RayCamera::RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam
 }
 
 Ray RayCamera::RayThrough(int x, int y) const {
-  const float u = (static_cast<float>(x) + 0.5f - cx_) * inv_fl_x_, v = -(static_cast<float>(y) + 0.5f - cy_) * inv_fl_y_;
+  const float u = (static_cast<float>(x) + 0.5f - cx_) * inv_fl_x_,
+              v = -(static_cast<float>(y) + 0.5f - cy_) * inv_fl_y_;
   const float scale = 1.f / std::sqrt(u * u + v * v + 1.f);
   Ray ray;
   for (int i = 0; i < 3; ++i) {
@@ -37,7 +39,11 @@ Ray RayCamera::RayThrough(int x, int y) const {
 }
 
 const View& Dataset::ViewOf(std::size_t pixel) const {
-  return *(std::upper_bound(views.begin(), views.end(), pixel, [](std::size_t p, const View& view) { return p < view.first_pixel; }) - 1);
+  return *(std::upper_bound(views.begin(),
+                            views.end(),
+                            pixel,
+                            [](std::size_t p, const View& view) { return p < view.first_pixel; }) -
+           1);
 }
 
 Dataset LoadDataset(const io::Scene& scene, int threads) {
@@ -50,32 +56,37 @@ Dataset LoadDataset(const io::Scene& scene, int threads) {
     io::Image image = io::ReadImage(frame.image_path);
     if (image.width != camera.width || image.height != camera.height) {
       throw Error(ExitCode::kBadInput,
-                  frame.image_path.string() + ": is " + std::to_string(image.width) + "x" + std::to_string(image.height) +
-                      ", its camera " + std::to_string(camera.width) + "x" + std::to_string(camera.height));
+                  frame.image_path.string() + ": is " + std::to_string(image.width) + "x" +
+                      std::to_string(image.height) + ", its camera " + std::to_string(camera.width) + "x" +
+                      std::to_string(camera.height));
     }
     images[static_cast<std::size_t>(i)] = std::move(image);
   });
   bool has_alpha = false;
   for (const io::Image& image : images) {
-    for (std::size_t p = 3; image.channels == 4 && !has_alpha && p < image.data.size(); p += 4) has_alpha = image.data[p] != 255;
+    for (std::size_t p = 3; image.channels == 4 && !has_alpha && p < image.data.size(); p += 4)
+      has_alpha = image.data[p] != 255;
   }
   Dataset dataset;
   dataset.channels = has_alpha ? 4 : 3;
   const auto channels = static_cast<std::size_t>(dataset.channels);
   std::size_t total = 0;
-  for (const io::Image& image : images) total += static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+  for (const io::Image& image : images)
+    total += static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   dataset.pixels.reserve(total * channels);
   for (std::size_t i = 0; i < n; ++i) {
     const io::Image& image = images[i];
     const io::Frame& frame = scene.frames[i];
     if (has_alpha && image.channels != 4) {
-      throw Error(ExitCode::kBadInput, frame.image_path.string() + ": has no alpha channel while other pictures do");
+      throw Error(ExitCode::kBadInput,
+                  frame.image_path.string() + ": has no alpha channel while other pictures do");
     }
-    dataset.views.push_back({frame.image_path.stem().string(),
-                             RayCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], frame.world_from_cam),
-                             image.width,
-                             image.height,
-                             dataset.n_pixels()});
+    dataset.views.push_back(
+        {frame.image_path.stem().string(),
+         RayCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], frame.world_from_cam),
+         image.width,
+         image.height,
+         dataset.n_pixels()});
     const auto source_channels = static_cast<std::size_t>(image.channels);
     for (std::size_t p = 0; p < image.data.size(); p += source_channels) {
       dataset.pixels.insert(dataset.pixels.end(), &image.data[p], &image.data[p] + channels);

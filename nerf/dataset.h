@@ -44,8 +44,8 @@ struct Dataset {
   const View& ViewOf(std::size_t pixel) const;
 };
 
-// Reads the pictures of a scene. Pictures with and without alpha do not mix; alpha that is opaque everywhere is dropped.
-// Throws kBadInput when a picture is missing or differs in size from its camera.
+// Reads the pictures of a scene. Pictures with and without alpha do not mix; alpha that is opaque everywhere
+// is dropped. Throws kBadInput when a picture is missing or differs in size from its camera.
 Dataset LoadDataset(const io::Scene& scene, int threads);
 
 }  // namespace nerf

@@ -15,7 +15,8 @@ constexpr std::size_t kIn = HashField::kInputs, kHid = HashField::kHidden, kOut 
 // Offsets of the layers in the weight vector.
 constexpr std::size_t kW1 = 0, kW2 = kW1 + kIn * kHid, kW3 = kW2 + kHid * kOut, kW4 = kW3 + kIn * kHid,
                       kW5 = kW4 + kHid * kHid, kWeights = kW5 + 3 * kHid;
-// Offsets in the transposed copies: W1^T [64][32], W2^T [16][64], (W3's first 16 rows)^T [64][16], W4^T [64][64].
+// Offsets in the transposed copies: W1^T [64][32], W2^T [16][64], (W3's first 16 rows)^T [64][16], W4^T
+// [64][64].
 constexpr std::size_t kT1 = 0, kT2 = kT1 + kHid * kIn, kT3 = kT2 + kOut * kHid, kT4 = kT3 + kHid * kOut,
                       kTransposed = kT4 + kHid * kHid;
 
@@ -44,8 +45,8 @@ void FieldRows::Resize(int rows) {
 HashField::HashField(const HashFieldOptions& options, std::uint64_t seed)
     : options_(options), kernels_(kernels::ActiveKernels()) {
   PIPELINE_CHECK_EQ(options.n_levels * kernels::kFeatures, kInputs);
-  const double growth =
-      std::pow(static_cast<double>(options.finest_resolution) / options.base_resolution, 1.0 / (options.n_levels - 1));
+  const double growth = std::pow(static_cast<double>(options.finest_resolution) / options.base_resolution,
+                                 1.0 / (options.n_levels - 1));
   std::size_t n_entries = 0;
   for (int l = 0; l < options.n_levels; ++l) {
     kernels::GridLevel level;
@@ -68,7 +69,8 @@ HashField::HashField(const HashFieldOptions& options, std::uint64_t seed)
 
   weights_.resize(kWeights);
   const auto init = [&](std::size_t first, std::size_t count, std::size_t fan_in, std::size_t fan_out) {
-    const float limit = std::sqrt(6.f / static_cast<float>(fan_in + fan_out));  // Xavier [Glorot & Bengio 2010]
+    const float limit =
+        std::sqrt(6.f / static_cast<float>(fan_in + fan_out));  // Xavier [Glorot & Bengio 2010]
     for (std::size_t i = first; i < first + count; ++i) {
       weights_[i] = limit * (2.f * Random(seed, Stream::kInit, 1, i).Uniform() - 1.f);
     }
@@ -107,8 +109,10 @@ void HashField::Encode(const Samples& samples, int first, int n, float* features
 
 void HashField::QueryDensity(const float* features, FieldRows* rows) const {
   const float* w = weights_.data();
-  kernels_.matmul(rows->n, kInputs, kHidden, features, w + kW1, Epilogue::kRelu, nullptr, rows->hidden.data());
-  kernels_.matmul(rows->n, kHidden, kOutputs, rows->hidden.data(), w + kW2, Epilogue::kNone, nullptr, rows->out.data());
+  kernels_.matmul(
+      rows->n, kInputs, kHidden, features, w + kW1, Epilogue::kRelu, nullptr, rows->hidden.data());
+  kernels_.matmul(
+      rows->n, kHidden, kOutputs, rows->hidden.data(), w + kW2, Epilogue::kNone, nullptr, rows->out.data());
   for (std::size_t i = 0; i < static_cast<std::size_t>(rows->n); ++i) {
     const float log_sigma = rows->out[i * kOut] + kDensityBias;
     rows->sigma[i] = log_sigma > kMaxLogDensity ? kMaxLogDensity : log_sigma;  // a NaN stays
@@ -121,8 +125,22 @@ void HashField::QueryColour(FieldRows* rows) const {
   for (std::size_t i = 0; i < static_cast<std::size_t>(rows->n); ++i) {
     std::memcpy(&rows->colour_in[i * kIn], &rows->out[i * kOut], kOut * sizeof(float));
   }
-  kernels_.matmul(rows->n, kInputs, kHidden, rows->colour_in.data(), w + kW3, Epilogue::kRelu, nullptr, rows->colour1.data());
-  kernels_.matmul(rows->n, kHidden, kHidden, rows->colour1.data(), w + kW4, Epilogue::kRelu, nullptr, rows->colour2.data());
+  kernels_.matmul(rows->n,
+                  kInputs,
+                  kHidden,
+                  rows->colour_in.data(),
+                  w + kW3,
+                  Epilogue::kRelu,
+                  nullptr,
+                  rows->colour1.data());
+  kernels_.matmul(rows->n,
+                  kHidden,
+                  kHidden,
+                  rows->colour1.data(),
+                  w + kW4,
+                  Epilogue::kRelu,
+                  nullptr,
+                  rows->colour2.data());
   kernels_.head(rows->n, kHidden, rows->colour2.data(), w + kW5, rows->rgb.data());
   kernels_.sigmoid(3 * rows->n, rows->rgb.data());
 }
@@ -147,9 +165,11 @@ void HashField::Backward(const float* logit_gradients,
     out_gradient[i * kOut] += clamped ? 0.f : log_sigma_gradients[i];
   }
   kernels_.matmul_gradient(n, kHidden, kOutputs, rows->hidden.data(), out_gradient, g + kW2);
-  kernels_.matmul(n, kOutputs, kHidden, out_gradient, &transposed_[kT2], Epilogue::kMask, rows->hidden.data(), a);
+  kernels_.matmul(
+      n, kOutputs, kHidden, out_gradient, &transposed_[kT2], Epilogue::kMask, rows->hidden.data(), a);
   kernels_.matmul_gradient(n, kInputs, kHidden, rows->features.data(), a, g + kW1);
-  kernels_.matmul(n, kHidden, kInputs, a, &transposed_[kT1], Epilogue::kNone, nullptr, rows->features_gradient.data());
+  kernels_.matmul(
+      n, kHidden, kInputs, a, &transposed_[kT1], Epilogue::kNone, nullptr, rows->features_gradient.data());
 }
 
 void HashField::Scatter(int level, const float* feature_gradients, const Samples& samples, int n) {
@@ -166,7 +186,12 @@ void HashField::Scatter(int level, const float* feature_gradients, const Samples
 void HashField::StepTable(int level, const kernels::AdamStep& step) {
   const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
   const std::size_t first = l.first_entry * kernels::kFeatures;
-  kernels_.adam(step, l.n_entries * kernels::kFeatures, &table_gradient_[first], &table_m_[first], &table_v_[first], &table_[first]);
+  kernels_.adam(step,
+                l.n_entries * kernels::kFeatures,
+                &table_gradient_[first],
+                &table_m_[first],
+                &table_v_[first],
+                &table_[first]);
 }
 
 void HashField::StepWeights(const kernels::AdamStep& step, float* weight_gradients) {
@@ -175,8 +200,12 @@ void HashField::StepWeights(const kernels::AdamStep& step, float* weight_gradien
 }
 
 std::vector<HashField::Tensor> HashField::State() {
-  return {{"table", &table_},     {"table_m", &table_m_},     {"table_v", &table_v_},
-          {"weights", &weights_}, {"weights_m", &weights_m_}, {"weights_v", &weights_v_}};
+  return {{"table", &table_},
+          {"table_m", &table_m_},
+          {"table_v", &table_v_},
+          {"weights", &weights_},
+          {"weights_m", &weights_m_},
+          {"weights_v", &weights_v_}};
 }
 
 }  // namespace nerf

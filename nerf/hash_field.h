@@ -1,8 +1,8 @@
 // The `hash` radiance field: a multi-resolution hash grid [Müller et al. 2022] feeding two small networks.
 //
 //   features = grid(position)                       n_levels x 4 values
-//   out      = relu(features W1) W2                 16 values; sigma = exp(out[0] + kDensityBias), per scene unit
-//   rgb      = sigmoid(relu(relu([out, SH(direction)] W3) W4) W5)
+//   out      = relu(features W1) W2                 16 values; sigma = exp(out[0] + kDensityBias), per scene
+//   unit rgb      = sigmoid(relu(relu([out, SH(direction)] W3) W4) W5)
 //
 // No biases in the layers. All arrays are float32; one row per sample.
 #pragma once
@@ -23,14 +23,15 @@ struct HashFieldOptions {
   int finest_resolution = 512;
 };
 
-// Rows of one chunk of samples, reused from chunk to chunk. The caller sets `harmonics` rows before QueryColour.
+// Rows of one chunk of samples, reused from chunk to chunk. The caller sets `harmonics` rows before
+// QueryColour.
 struct FieldRows {
   int n = 0;
-  std::vector<float> features, hidden, sigma;    // [n][32], [n][64], [n]
-  std::vector<float> out;                        // [n][16]
-  std::vector<float> colour_in;                  // [n][32] = out, harmonics
-  std::vector<float> colour1, colour2, rgb;      // [n][64], [n][64], [n][3]
-  std::vector<float> gradient_a, gradient_b;     // [n][64] scratch of the backward pass
+  std::vector<float> features, hidden, sigma;          // [n][32], [n][64], [n]
+  std::vector<float> out;                              // [n][16]
+  std::vector<float> colour_in;                        // [n][32] = out, harmonics
+  std::vector<float> colour1, colour2, rgb;            // [n][64], [n][64], [n][3]
+  std::vector<float> gradient_a, gradient_b;           // [n][64] scratch of the backward pass
   std::vector<float> out_gradient, features_gradient;  // [n][16], [n][32]
 
   void Resize(int rows);
@@ -39,10 +40,11 @@ struct FieldRows {
 class HashField {
  public:
   static constexpr int kInputs = 32, kHidden = 64, kOutputs = 16;
-  // exp(0 - 1) = 0.37 per unit: a thin, everywhere equal fog to start from, so that gradients reach every depth.
+  // exp(0 - 1) = 0.37 per unit: a thin, everywhere equal fog to start from, so that gradients reach every
+  // depth.
   static constexpr float kDensityBias = -1.f;
-  // Forward limit of the exponent: e^15 per unit is opaque within any interval. Beyond it the density is constant and its
-  // gradient zero [as instant-ngp].
+  // Forward limit of the exponent: e^15 per unit is opaque within any interval. Beyond it the density is
+  // constant and its gradient zero [as instant-ngp].
   static constexpr float kMaxLogDensity = 15.f;
 
   HashField(const HashFieldOptions& options, std::uint64_t seed);
@@ -53,9 +55,12 @@ class HashField {
   void QueryDensity(const float* features, FieldRows* rows) const;
   // out and harmonics (in colour_in[16..31]) -> rgb.
   void QueryColour(FieldRows* rows) const;
-  // Adds the gradients of all network weights for given d loss / d rgb-logits [n][3] and d loss / d log sigma [n], and
-  // fills rows->features_gradient.
-  void Backward(const float* logit_gradients, const float* log_sigma_gradients, FieldRows* rows, float* weight_gradients) const;
+  // Adds the gradients of all network weights for given d loss / d rgb-logits [n][3] and d loss / d log sigma
+  // [n], and fills rows->features_gradient.
+  void Backward(const float* logit_gradients,
+                const float* log_sigma_gradients,
+                FieldRows* rows,
+                float* weight_gradients) const;
 
   // Adds table gradients of one level.
   void Scatter(int level, const float* feature_gradients, const Samples& samples, int n);

@@ -9,7 +9,7 @@
 namespace nerf {
 namespace {
 
-constexpr int kPixels = 8192;     // the PSNR of 8192 pixels scatters by about 0.15 dB
+constexpr int kPixels = 8192;  // the PSNR of 8192 pixels scatters by about 0.15 dB
 constexpr int kConstantPixels = 65536;
 
 }  // namespace
@@ -19,13 +19,15 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads) {
   const Dataset dataset = LoadDataset(heldout, threads);
   background_ = dataset.channels == 4 ? 1.f : 0.5f;
   for (std::uint64_t i = 0; i < kPixels; ++i) {
-    const std::size_t pixel = Random(0, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_pixels()));
+    const std::size_t pixel =
+        Random(0, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_pixels()));
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
     rays_.push_back(view.camera.RayThrough(in_view % view.width, in_view / view.width));
     const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
     const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
-    for (int j = 0; j < 3; ++j) target_.push_back(static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha) * background_);
+    for (int j = 0; j < 3; ++j)
+      target_.push_back(static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha) * background_);
   }
 }
 
@@ -46,7 +48,8 @@ double HeldoutMonitor::Psnr(const SceneField& scene_field, Workers* workers) con
 double ConstantSquaredError(const Dataset& dataset) {
   double sum[3] = {}, squares[3] = {};
   for (std::uint64_t i = 0; i < kConstantPixels; ++i) {
-    const std::size_t pixel = Random(1, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_pixels()));
+    const std::size_t pixel =
+        Random(1, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_pixels()));
     const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
     const double alpha = dataset.channels == 4 ? p[3] / 255.0 : 1.0;
     for (int j = 0; j < 3; ++j) {
@@ -56,7 +59,8 @@ double ConstantSquaredError(const Dataset& dataset) {
     }
   }
   double variance = 0;
-  for (int j = 0; j < 3; ++j) variance += squares[j] / kConstantPixels - sum[j] * sum[j] / kConstantPixels / kConstantPixels;
+  for (int j = 0; j < 3; ++j)
+    variance += squares[j] / kConstantPixels - sum[j] * sum[j] / kConstantPixels / kConstantPixels;
   return variance / 3;
 }
 

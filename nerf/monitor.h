@@ -1,4 +1,5 @@
-// Quality while training: held-out pixels, and the error of the best constant picture that a living field must beat.
+// Quality while training: held-out pixels, and the error of the best constant picture that a living field
+// must beat.
 #pragma once
 
 #include <vector>
@@ -19,11 +20,12 @@ class HeldoutMonitor {
 
  private:
   std::vector<Ray> rays_;
-  std::vector<float> target_;      // [n][3], composited on `background_`
+  std::vector<float> target_;  // [n][3], composited on `background_`
   float background_ = 1;
 };
 
-// Mean squared error per channel, on a grey background, of the constant picture that fits the training pixels best.
+// Mean squared error per channel, on a grey background, of the constant picture that fits the training pixels
+// best.
 double ConstantSquaredError(const Dataset& dataset);
 
 }  // namespace nerf

@@ -23,9 +23,11 @@ void Dilate(int resolution, std::vector<Word>* bits, std::vector<Word>* scratch)
       out[r * row + w] = centre | centre << 1 | centre >> 1 | before | after;
     }
   }
-  const auto along = [&](const Word* source, Word* target, std::size_t stride, std::size_t i, std::size_t position) {
-    target[i] = source[i] | (position > 0 ? source[i - stride] : 0) | (position + 1 < n ? source[i + stride] : 0);
-  };
+  const auto along =
+      [&](const Word* source, Word* target, std::size_t stride, std::size_t i, std::size_t position) {
+        target[i] =
+            source[i] | (position > 0 ? source[i - stride] : 0) | (position + 1 < n ? source[i + stride] : 0);
+      };
   for (std::size_t i = 0; i < plane * n; ++i) along(scratch->data(), bits->data(), row, i, i / row % n);
   for (std::size_t i = 0; i < plane * n; ++i) along(bits->data(), scratch->data(), plane, i, i / plane);
   std::swap(*bits, *scratch);

@@ -1,5 +1,6 @@
-// Which parts of the unit cube are worth sampling: a grid of densities with decay, and for every empty cell the distance
-// to the nearest occupied one, so that a ray can cross empty space in one jump that never passes a sample.
+// Which parts of the unit cube are worth sampling: a grid of densities with decay, and for every empty cell
+// the distance to the nearest occupied one, so that a ray can cross empty space in one jump that never passes
+// a sample.
 #pragma once
 
 #include <array>
@@ -12,11 +13,10 @@ namespace nerf {
 
 class OccupancyGrid {
  public:
-  // A cell counts as occupied when crossing it absorbs more than this share of the light: 2 %, four 8-bit steps at full
-  // contrast; below, the fitted colour error of dropping the cell is within the sensor noise of photographs.
-  static constexpr float kMinOpacity = 0.02f;
-  // Each visit by a training sample lets the remembered density decay by 5 %; a cell starts at 3x the threshold and so
-  // survives about 22 visits without density before it is dropped.
+  // A cell counts as occupied when crossing it absorbs more than this share of the light.
+  static constexpr float kMinOpacity = 0.03f;
+  // Each visit by a training sample lets the remembered density decay by 5 %; a cell starts at 3x the
+  // threshold and so survives about 22 visits without density before it is dropped.
   static constexpr float kDecay = 0.95f;
   static constexpr float kInitialFactor = 3.f;
   static constexpr float kProbeDecay = 0.8f;
@@ -29,7 +29,8 @@ class OccupancyGrid {
   std::size_t n_cells() const { return density_.size(); }
   std::uint32_t CellAt(const float unit[3]) const {
     const auto index = [this](float u) {
-      return static_cast<std::uint32_t>(std::min(static_cast<int>(u * static_cast<float>(resolution_)), resolution_ - 1));
+      return static_cast<std::uint32_t>(
+          std::min(static_cast<int>(u * static_cast<float>(resolution_)), resolution_ - 1));
     };
     const auto n = static_cast<std::uint32_t>(resolution_);
     return (index(unit[2]) * n + index(unit[1])) * n + index(unit[0]);
@@ -41,12 +42,12 @@ class OccupancyGrid {
   std::uint8_t Distance(std::uint32_t cell) const { return distance_[cell]; }
 
   // A training sample saw density sigma in the cell.
-  void Visit(std::uint32_t cell, float sigma) {
-    density_[cell] = std::max(density_[cell] * kDecay, sigma);
+  void Visit(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell] * kDecay, sigma); }
+  // A probe at a random point of the cell, whether or not training visits it: density can come back, and fog
+  // that no ray meets goes. Five probes take a cell from its initial density below the threshold.
+  void Probe(std::uint32_t cell, float sigma) {
+    density_[cell] = std::max(density_[cell] * kProbeDecay, sigma);
   }
-  // A probe at a random point of the cell, whether or not training visits it: density can come back, and fog that no ray
-  // meets goes. Five probes take a cell from its initial density below the threshold.
-  void Probe(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell] * kProbeDecay, sigma); }
 
   // Declares a cell empty for good, or possibly occupied (with the initial density).
   void SetEmpty(std::uint32_t cell) { density_[cell] = kNeverOccupied; }

@@ -24,12 +24,14 @@ struct Projector {
   }
 
   // False when the ball reaches behind the camera, where its projection is no disc.
-  bool Project(const Eigen::Vector3f& x, float radius, Eigen::Vector2f* centre, float* depth, float* radius_px) const {
+  bool Project(
+      const Eigen::Vector3f& x, float radius, Eigen::Vector2f* centre, float* depth, float* radius_px) const {
     const Eigen::Vector3f in_cam = rotation * x + translation;
     *depth = -in_cam.z();
     if (!(*depth > radius)) return false;
     *centre = {fl_x * in_cam.x() / *depth + cx, -fl_y * in_cam.y() / *depth + cy};
-    // The silhouette of a ball off the axis is stretched by at most 1 / cos; depth - radius bounds its near side.
+    // The silhouette of a ball off the axis is stretched by at most 1 / cos; depth - radius bounds its near
+    // side.
     const float slant = in_cam.norm() / *depth;
     *radius_px = std::max(fl_x, fl_y) * radius / (*depth - radius) * slant;
     return true;
@@ -38,7 +40,8 @@ struct Projector {
     return p.x() >= margin && p.y() >= margin && p.x() <= width - margin && p.y() <= height - margin;
   }
 
-  // Whether a corner or the centre of the cell lies in the picture and beyond `near`, or the camera is inside the cell.
+  // Whether a corner or the centre of the cell lies in the picture and beyond `near`, or the camera is inside
+  // the cell.
   bool SeesAny(const CellPoints& points, float near) const {
     float nearest = std::numeric_limits<float>::infinity();
     for (const Eigen::Vector3f& point : points) {
@@ -73,11 +76,16 @@ class AlphaCount {
     }
   }
   bool AnyIn(const Eigen::Vector2f& centre, float radius) const {
-    const auto clamp = [](float v, int limit) { return static_cast<std::size_t>(std::clamp(v, 0.f, static_cast<float>(limit))); };
-    const std::size_t x0 = clamp(std::floor(centre.x() - radius), width_), x1 = clamp(std::ceil(centre.x() + radius), width_);
-    const std::size_t y0 = clamp(std::floor(centre.y() - radius), height_), y1 = clamp(std::ceil(centre.y() + radius), height_);
+    const auto clamp = [](float v, int limit) {
+      return static_cast<std::size_t>(std::clamp(v, 0.f, static_cast<float>(limit)));
+    };
+    const std::size_t x0 = clamp(std::floor(centre.x() - radius), width_),
+                      x1 = clamp(std::ceil(centre.x() + radius), width_);
+    const std::size_t y0 = clamp(std::floor(centre.y() - radius), height_),
+                      y1 = clamp(std::ceil(centre.y() + radius), height_);
     const auto stride = static_cast<std::size_t>(width_) + 1;
-    return sums_[y1 * stride + x1] + sums_[y0 * stride + x0] != sums_[y0 * stride + x1] + sums_[y1 * stride + x0];
+    return sums_[y1 * stride + x1] + sums_[y0 * stride + x0] !=
+           sums_[y0 * stride + x1] + sums_[y1 * stride + x0];
   }
 
  private:
@@ -91,14 +99,16 @@ void CellPointsOf(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t 
   map.FromUnit(unit.data(), (*points)[8].data());
   for (std::size_t corner = 0; corner < 8; ++corner) {
     float at[3];
-    // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them finite.
+    // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them
+    // finite.
     for (std::size_t i = 0; i < 3; ++i) at[i] = unit[i] + (corner >> i & 1 ? 0.99f : -0.99f) * half;
     map.FromUnit(at, (*points)[corner].data());
   }
 }
 
 // Centre and enclosing radius of a cell in scene coordinates.
-void CellBall(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell, Eigen::Vector3f* x, float* radius) {
+void CellBall(
+    const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell, Eigen::Vector3f* x, float* radius) {
   CellPoints points;
   CellPointsOf(grid, map, cell, &points);
   *x = points[8];
@@ -108,29 +118,36 @@ void CellBall(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell
 
 }  // namespace
 
-std::array<float, 6> CarveByMasks(const io::Scene& scene, const Dataset& dataset, const SpaceMap& map, Workers* workers, OccupancyGrid* grid) {
+std::array<float, 6> CarveByMasks(const io::Scene& scene,
+                                  const Dataset& dataset,
+                                  const SpaceMap& map,
+                                  Workers* workers,
+                                  OccupancyGrid* grid) {
   PIPELINE_CHECK_EQ(dataset.channels, 4);
   const std::size_t n_views = dataset.views.size();
   std::vector<Projector> projectors;
   std::vector<std::unique_ptr<AlphaCount>> counts(n_views);
   for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
   workers->Run(static_cast<int>(n_views), [&](int i, int) {
-    counts[static_cast<std::size_t>(i)] = std::make_unique<AlphaCount>(dataset, dataset.views[static_cast<std::size_t>(i)]);
+    counts[static_cast<std::size_t>(i)] =
+        std::make_unique<AlphaCount>(dataset, dataset.views[static_cast<std::size_t>(i)]);
   });
   const int n = grid->resolution();
   std::vector<std::array<float, 6>> boxes(static_cast<std::size_t>(n), {1, 1, 1, 0, 0, 0});
   workers->Run(n, [&](int slab, int) {
     std::array<float, 6>& box = boxes[static_cast<std::size_t>(slab)];
     const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
-    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells; cell < static_cast<std::uint32_t>(slab + 1) * cells; ++cell) {
+    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells;
+         cell < static_cast<std::uint32_t>(slab + 1) * cells;
+         ++cell) {
       Eigen::Vector3f x;
       float radius, depth, radius_px;
       CellBall(*grid, map, cell, &x, &radius);
       bool empty = false;
       for (std::size_t v = 0; v < n_views && !empty; ++v) {
         Eigen::Vector2f centre;
-        empty = projectors[v].Project(x, radius, &centre, &depth, &radius_px) && projectors[v].Contains(centre, radius_px) &&
-                !counts[v]->AnyIn(centre, radius_px);
+        empty = projectors[v].Project(x, radius, &centre, &depth, &radius_px) &&
+                projectors[v].Contains(centre, radius_px) && !counts[v]->AnyIn(centre, radius_px);
       }
       if (empty) {
         grid->SetEmpty(cell);
@@ -147,22 +164,27 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene, const Dataset& dataset
   });
   std::array<float, 6> box = {1, 1, 1, 0, 0, 0};
   for (const auto& b : boxes) {
-    for (std::size_t i = 0; i < 3; ++i) box[i] = std::min(box[i], b[i]), box[i + 3] = std::max(box[i + 3], b[i + 3]);
+    for (std::size_t i = 0; i < 3; ++i)
+      box[i] = std::min(box[i], b[i]), box[i + 3] = std::max(box[i + 3], b[i + 3]);
   }
   return box;
 }
 
-void CarveByFrusta(const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid) {
+void CarveByFrusta(
+    const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid) {
   std::vector<Projector> projectors;
   for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
   const int n = grid->resolution();
   workers->Run(n, [&](int slab, int) {
     const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
-    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells; cell < static_cast<std::uint32_t>(slab + 1) * cells; ++cell) {
+    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells;
+         cell < static_cast<std::uint32_t>(slab + 1) * cells;
+         ++cell) {
       CellPoints points;
       CellPointsOf(*grid, map, cell, &points);
       int seen = 0;
-      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v) seen += projectors[v].SeesAny(points, static_cast<float>(near));
+      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v)
+        seen += projectors[v].SeesAny(points, static_cast<float>(near));
       seen >= 2 ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
     }
   });

@@ -7,13 +7,18 @@
 
 namespace nerf {
 
-// Pictures with alpha: the visual hull. A cell is empty when some view sees all of it inside the picture on fully
-// transparent pixels (tested on the square that encloses the cell's projection, so thin parts survive). Returns the
-// smallest box, in unit coordinates, that holds all other cells: min x, y, z, max x, y, z.
-std::array<float, 6> CarveByMasks(const io::Scene& scene, const Dataset& dataset, const SpaceMap& map, Workers* workers, OccupancyGrid* grid);
+// Pictures with alpha: the visual hull. A cell is empty when some view sees all of it inside the picture on
+// fully transparent pixels (tested on the square that encloses the cell's projection, so thin parts survive).
+// Returns the smallest box, in unit coordinates, that holds all other cells: min x, y, z, max x, y, z.
+std::array<float, 6> CarveByMasks(const io::Scene& scene,
+                                  const Dataset& dataset,
+                                  const SpaceMap& map,
+                                  Workers* workers,
+                                  OccupancyGrid* grid);
 
-// Opaque pictures: cells that fewer than two views can see are empty (one view cannot place anything in depth), and so
-// are cells nearer than `near` to every view that sees them.
-void CarveByFrusta(const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid);
+// Opaque pictures: cells that fewer than two views can see are empty (one view cannot place anything in
+// depth), and so are cells nearer than `near` to every view that sees them.
+void CarveByFrusta(
+    const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid);
 
 }  // namespace nerf

@@ -1,5 +1,5 @@
-// Counter-based random numbers: a value is a hash of (seed, stream, index), so the same seed gives the same numbers for
-// any number of threads and after a resume. The mixer is SplitMix64's [Steele et al. 2014].
+// Counter-based random numbers: a value is a hash of (seed, stream, index), so the same seed gives the same
+// numbers for any number of threads and after a resume. The mixer is SplitMix64's [Steele et al. 2014].
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,8 @@ enum class Stream : std::uint64_t { kInit = 1, kRay, kProbe, kMonitor };
 class Random {
  public:
   Random(std::uint64_t seed, Stream stream, std::uint64_t step, std::uint64_t index)
-      : state_(Mix(Mix(Mix(seed) ^ static_cast<std::uint64_t>(stream)) ^ step) + 0x632be59bd9b4e019ull * index) {}
+      : state_(Mix(Mix(Mix(seed) ^ static_cast<std::uint64_t>(stream)) ^ step) +
+               0x632be59bd9b4e019ull * index) {}
 
   std::uint64_t Bits() { return Mix(state_++); }
   // Uniform in [0, 1) with 24 bits, exact in float.

@@ -26,7 +26,10 @@ struct Scratch {
   FieldRows rows;
 };
 
-void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch* scratch, std::vector<float>* rgb_sigma) {
+void ShadeWave(const SceneField& scene_field,
+               std::span<const Ray> rays,
+               Scratch* scratch,
+               std::vector<float>* rgb_sigma) {
   const int n = scratch->samples.size();
   scratch->features.resize(static_cast<std::size_t>(n) * HashField::kInputs);
   rgb_sigma->resize(static_cast<std::size_t>(n) * 4);
@@ -34,16 +37,19 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
   std::vector<std::size_t> ray_of(static_cast<std::size_t>(n));
   for (std::size_t a = 0; a < scratch->active.size(); ++a) {
     const RayState& state = scratch->active[a];
-    for (int i = state.first; i < state.first + state.count; ++i) ray_of[static_cast<std::size_t>(i)] = static_cast<std::size_t>(state.index);
+    for (int i = state.first; i < state.first + state.count; ++i)
+      ray_of[static_cast<std::size_t>(i)] = static_cast<std::size_t>(state.index);
   }
   std::vector<float> harmonics(rays.size() * kHarmonics);
   for (const RayState& state : scratch->active) {
-    SphericalHarmonics(rays[static_cast<std::size_t>(state.index)].direction, &harmonics[static_cast<std::size_t>(state.index) * kHarmonics]);
+    SphericalHarmonics(rays[static_cast<std::size_t>(state.index)].direction,
+                       &harmonics[static_cast<std::size_t>(state.index) * kHarmonics]);
   }
   FieldRows& rows = scratch->rows;
   for (int first = 0; first < n; first += kChunkRows) {
     rows.Resize(std::min(kChunkRows, n - first));
-    scene_field.field.QueryDensity(&scratch->features[static_cast<std::size_t>(first) * HashField::kInputs], &rows);
+    scene_field.field.QueryDensity(&scratch->features[static_cast<std::size_t>(first) * HashField::kInputs],
+                                   &rows);
     for (std::size_t i = 0; i < static_cast<std::size_t>(rows.n); ++i) {
       std::memcpy(&rows.colour_in[i * HashField::kInputs + HashField::kOutputs],
                   &harmonics[ray_of[static_cast<std::size_t>(first) + i] * kHarmonics],
@@ -58,7 +64,11 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
   }
 }
 
-void RenderTask(const SceneField& scene_field, std::span<const Ray> rays, float step_scale, Scratch* scratch, RenderedRay* out) {
+void RenderTask(const SceneField& scene_field,
+                std::span<const Ray> rays,
+                float step_scale,
+                Scratch* scratch,
+                RenderedRay* out) {
   const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
   scratch->active.clear();
   for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
@@ -72,7 +82,12 @@ void RenderTask(const SceneField& scene_field, std::span<const Ray> rays, float 
     scratch->samples.clear();
     for (RayState& state : scratch->active) {
       state.first = scratch->samples.size();
-      state.count = sampler.March(rays[static_cast<std::size_t>(state.index)], step_scale, state.t_last, kWaveSamples, &state.t, &scratch->samples);
+      state.count = sampler.March(rays[static_cast<std::size_t>(state.index)],
+                                  step_scale,
+                                  state.t_last,
+                                  kWaveSamples,
+                                  &state.t,
+                                  &scratch->samples);
     }
     ShadeWave(scene_field, rays, scratch, &rgb_sigma);
     std::size_t kept = 0;
@@ -101,14 +116,21 @@ void RenderTask(const SceneField& scene_field, std::span<const Ray> rays, float 
 
 }  // namespace
 
-std::vector<RenderedRay> RenderRays(const SceneField& scene_field, std::span<const Ray> rays, float step_scale, Workers* workers) {
+std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
+                                    std::span<const Ray> rays,
+                                    float step_scale,
+                                    Workers* workers) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
   const int n_tasks = static_cast<int>((rays.size() + kRaysPerTask - 1) / kRaysPerTask);
   workers->Run(n_tasks, [&](int task, int thread) {
     const std::size_t first = static_cast<std::size_t>(task) * kRaysPerTask;
     const std::size_t count = std::min<std::size_t>(kRaysPerTask, rays.size() - first);
-    RenderTask(scene_field, rays.subspan(first, count), step_scale, &scratch[static_cast<std::size_t>(thread)], &out[first]);
+    RenderTask(scene_field,
+               rays.subspan(first, count),
+               step_scale,
+               &scratch[static_cast<std::size_t>(thread)],
+               &out[first]);
   });
   return out;
 }

@@ -1,4 +1,5 @@
-// Renders rays through a trained field: waves of a few samples per ray, so that a ray stops as soon as it is opaque.
+// Renders rays through a trained field: waves of a few samples per ray, so that a ray stops as soon as it is
+// opaque.
 #pragma once
 
 #include <span>
@@ -14,8 +15,11 @@ struct RenderedRay {
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
 };
 
-// step_scale shortens the sampling intervals; half the training interval is worth 0.3 dB and costs twice the samples.
-// Results do not depend on the number of workers.
-std::vector<RenderedRay> RenderRays(const SceneField& scene_field, std::span<const Ray> rays, float step_scale, Workers* workers);
+// step_scale shortens the sampling intervals; half the training interval is worth 0.3 dB and costs twice the
+// samples. Results do not depend on the number of workers.
+std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
+                                    std::span<const Ray> rays,
+                                    float step_scale,
+                                    Workers* workers);
 
 }  // namespace nerf

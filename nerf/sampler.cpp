@@ -3,8 +3,8 @@
 namespace nerf {
 namespace {
 
-// A ray whose direction component is smaller moves by less than a float's resolution of a scene within any range; its
-// slab distances would overflow, and be 0 / 0 on a face.
+// A ray whose direction component is smaller moves by less than a float's resolution of a scene within any
+// range; its slab distances would overflow, and be 0 / 0 on a face.
 constexpr float kParallel = 1e-30f;
 
 }  // namespace
@@ -25,7 +25,8 @@ void Sampler::Range(const Ray& ray, float* t_first, float* t_last) const {
   }
 }
 
-int Sampler::March(const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const {
+int Sampler::March(
+    const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const {
   const float cell_size = 1.f / static_cast<float>(grid_.resolution());
   float start = *t;
   int count = 0;

@@ -1,8 +1,8 @@
 // Samples along a ray where the occupancy grid says there may be something.
 //
-// The ray is cut into intervals [t, t + delta) with delta = step_scale * max(step_size, cone_angle * t); an interval
-// yields a sample at its middle when the cell there is occupied. Empty space is crossed in jumps that cannot pass an
-// occupied cell.
+// The ray is cut into intervals [t, t + delta) with delta = step_scale * max(step_size, cone_angle * t); an
+// interval yields a sample at its middle when the cell there is occupied. Empty space is crossed in jumps
+// that cannot pass an occupied cell.
 #pragma once
 
 #include <algorithm>
@@ -26,9 +26,7 @@ struct Samples {
   std::vector<std::uint32_t> cell;
 
   int size() const { return static_cast<int>(x.size()); }
-  void clear() {
-    x.clear(), y.clear(), z.clear(), delta.clear(), t.clear(), cell.clear();
-  }
+  void clear() { x.clear(), y.clear(), z.clear(), delta.clear(), t.clear(), cell.clear(); }
 };
 
 class Sampler {
@@ -39,9 +37,10 @@ class Sampler {
   // First and last distance at which the ray can have samples; first >= last when it misses the scene.
   void Range(const Ray& ray, float* t_first, float* t_last) const;
 
-  // Appends up to `max_samples` samples from distance *t on and advances *t. Returns the number appended; fewer than
-  // max_samples means that the ray has left the scene.
-  int March(const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
+  // Appends up to `max_samples` samples from distance *t on and advances *t. Returns the number appended;
+  // fewer than max_samples means that the ray has left the scene.
+  int March(
+      const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
 
   // Length of the interval that starts at t.
   float Delta(float step_scale, float t) const {

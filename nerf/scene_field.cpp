@@ -9,7 +9,9 @@
 namespace nerf {
 namespace {
 
-constexpr double kIntervalPixels = 1.5;   // sampling interval, in pixel footprints
+// Sampling interval, in pixel footprints. Unbounded scenes are crossed along much longer paths, mostly
+// through thin leftovers; doubling their interval buys 2.5 times as many rays per second.
+constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 3.0;
 constexpr double kFinestCellPixels = 0.67;
 constexpr int kLog2HashmapSize = 18;
 constexpr int kGridResolution = 128;
@@ -26,8 +28,8 @@ double PixelFootprint(const io::Scene& scene, const Eigen::Vector3d& centre) {
   return *middle;
 }
 
-// Half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies nearer, and density
-// close to a lens would be fitted to that one view only. Without points, a tenth of scene.near.
+// Half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies nearer, and
+// density close to a lens would be fitted to that one view only. Without points, a tenth of scene.near.
 double NearLimit(const io::Scene& scene) {
   std::vector<double> distances;
   for (const io::Frame& frame : scene.frames) {
@@ -36,7 +38,8 @@ double NearLimit(const io::Scene& scene) {
     for (const io::Point3D& point : scene.points) {
       const Eigen::Vector3d x = cam_from_world * point.xyz;
       const auto xy = io::ImgFromCam(camera, x);
-      if (xy && xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height) distances.push_back(x.norm());
+      if (xy && xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height)
+        distances.push_back(x.norm());
     }
   }
   if (distances.empty()) return 0.1 * scene.near;
@@ -74,8 +77,8 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   if (map.unbounded) {
     const double distance = 0.5 * (scene.near + scene.far);
     sampling.near = static_cast<float>(NearLimit(scene));
-    sampling.cone_angle = static_cast<float>(kIntervalPixels * footprint / distance);
-    sampling.step_size = 0.5f * static_cast<float>(kIntervalPixels * footprint);
+    sampling.cone_angle = static_cast<float>(kUnboundedIntervalPixels * footprint / distance);
+    sampling.step_size = 0.5f * static_cast<float>(kUnboundedIntervalPixels * footprint);
     // Beyond, one grid cell holds everything up to infinity.
     sampling.far = map.half * static_cast<float>(grid_resolution) / 2;
   } else {
@@ -86,7 +89,8 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   HashFieldOptions field;
   field.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
   const double cells = map.InnerSide() / (kFinestCellPixels * footprint);
-  field.finest_resolution = options.finest_resolution ? options.finest_resolution : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
+  field.finest_resolution = options.finest_resolution ? options.finest_resolution
+                                                      : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
 
   auto result = std::make_unique<SceneField>(map, sampling, field, grid_resolution, seed);
   if (has_alpha) {
@@ -98,7 +102,8 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   char text[400];
   std::snprintf(text,
                 sizeof text,
-                "pixel footprint %.4g units; %s cube of side %.3g; intervals %.4g%s; %d levels, %d to %d cells, 2^%d entries; "
+                "pixel footprint %.4g units; %s cube of side %.3g; intervals %.4g%s; %d levels, %d to %d "
+                "cells, 2^%d entries; "
                 "occupancy %d^3, %.1f %% to start from",
                 footprint,
                 map.unbounded ? "contracted space around a" : "bounded",

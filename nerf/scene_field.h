@@ -13,7 +13,11 @@
 namespace nerf {
 
 struct SceneField {
-  SceneField(const SpaceMap& space_map, const SamplerOptions& sampling, const HashFieldOptions& options, int grid_resolution, std::uint64_t seed)
+  SceneField(const SpaceMap& space_map,
+             const SamplerOptions& sampling,
+             const HashFieldOptions& options,
+             int grid_resolution,
+             std::uint64_t seed)
       : map(space_map), sampler_options(sampling), field(options, seed), grid(grid_resolution, map) {}
   SceneField(const SceneField&) = delete;  // the grid's map must stay the one above
 
@@ -34,7 +38,8 @@ struct SceneFieldOptions {
 //   pixel footprint p = distance to the centre of the region of interest / focal length (median over views)
 //   intervals   1.5 p (bounded), growing with distance beyond the centre (unbounded)
 //   finest grid cells of 2/3 p; coarsest 16 per axis; tables of 2^18 entries per level
-// Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around scene.aabb.
+// Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around
+// scene.aabb.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,

@@ -1,9 +1,10 @@
 // Maps scene coordinates to the unit cube in which grid and hash tables live.
 //
-// Bounded scenes: the cube around the region of interest maps linearly. Unbounded scenes: with y = (x - centre) / half
-// and m = max |y_i|, the inner cube m <= 1 maps linearly to the middle half, and everything outside by the contraction
-// y (2 - 1/m) / m [Barron et al. 2022 with the maximum norm, as in Reiser et al. 2023], so that infinity lies on the
-// faces. The contraction never moves a ray faster, in the maximum norm, than `MaxSpeed`.
+// Bounded scenes: the cube around the region of interest maps linearly. Unbounded scenes: with y = (x -
+// centre) / half and m = max |y_i|, the inner cube m <= 1 maps linearly to the middle half, and everything
+// outside by the contraction y (2 - 1/m) / m [Barron et al. 2022 with the maximum norm, as in Reiser et al.
+// 2023], so that infinity lies on the faces. The contraction never moves a ray faster, in the maximum norm,
+// than `MaxSpeed`.
 #pragma once
 
 #include <algorithm>
@@ -31,7 +32,8 @@ struct SpaceMap {
 
   // Distance of x from the centre in the maximum norm, in units of `half`.
   float Reach(const float x[3]) const {
-    return std::max({std::fabs(x[0] - centre[0]), std::fabs(x[1] - centre[1]), std::fabs(x[2] - centre[2])}) / half;
+    return std::max({std::fabs(x[0] - centre[0]), std::fabs(x[1] - centre[1]), std::fabs(x[2] - centre[2])}) /
+           half;
   }
 
   void ToUnit(const float x[3], float unit[3]) const {
@@ -53,9 +55,9 @@ struct SpaceMap {
     for (int i = 0; i < 3; ++i) x[i] = y[i] * scale * half + centre[static_cast<std::size_t>(i)];
   }
 
-  // Bound on |d unit| / dt (maximum norm) along a unit-speed ray from a point with the given reach on; `outwards`: the
-  // reach grows from here on. Outside the inner cube the bound is (4 m - 3) / m^2 of the inner speed, at most 4/3 and
-  // falling for m >= 1.5.
+  // Bound on |d unit| / dt (maximum norm) along a unit-speed ray from a point with the given reach on;
+  // `outwards`: the reach grows from here on. Outside the inner cube the bound is (4 m - 3) / m^2 of the
+  // inner speed, at most 4/3 and falling for m >= 1.5.
   float MaxSpeed(float reach, bool outwards) const {
     const float inner = 1.f / InnerSide();
     if (!unbounded) return inner;

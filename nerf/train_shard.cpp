@@ -8,12 +8,14 @@
 namespace nerf {
 namespace {
 
-// Rows that go through the networks together: their activations (about 1.2 KB a row) stay in a 1 MB second-level cache.
+// Rows that go through the networks together: their activations (about 1.2 KB a row) stay in a 1 MB
+// second-level cache.
 constexpr int kChunkRows = 512;
-// Samples a ray contributes to one wave before its transmittance is looked at: what is marched and encoded in vain behind
-// a surface is at most one wave.
+// Samples a ray contributes to one wave before its transmittance is looked at: what is marched and encoded in
+// vain behind a surface is at most one wave.
 constexpr int kWaveSamples = 16;
-const float kEarlyStopDepth = -std::log(kEarlyStopTransmittance);
+// Training follows light down to 1e-3 only: the rest counts as background in the loss, which closes it.
+const float kEarlyStopDepth = -std::log(1e-3f);
 
 PixelTarget TargetOf(const Dataset& dataset, std::size_t pixel) {
   const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
@@ -28,7 +30,8 @@ void Grow(std::vector<T>* v, std::size_t size) {
   if (v->size() < size) v->resize(size);
 }
 
-void DrawRays(const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, ShardScratch* scratch) {
+void DrawRays(
+    const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, ShardScratch* scratch) {
   const auto first = static_cast<std::uint64_t>(plan.n_rays) * static_cast<std::uint64_t>(shard) / kShards;
   const auto last = static_cast<std::uint64_t>(plan.n_rays) * static_cast<std::uint64_t>(shard + 1) / kShards;
   scratch->rays.clear();
@@ -37,16 +40,24 @@ void DrawRays(const Dataset& dataset, const Sampler& sampler, const BatchPlan& p
     const std::size_t pixel = random.Below(static_cast<std::uint32_t>(dataset.n_pixels()));
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
-    BatchRay ray{.id = id, .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width), .target = TargetOf(dataset, pixel), .t = 0, .t_last = 0};
+    BatchRay ray{.id = id,
+                 .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width),
+                 .target = TargetOf(dataset, pixel),
+                 .t = 0,
+                 .t_last = 0};
     sampler.Range(ray.ray, &ray.t, &ray.t_last);
     ray.t += random.Uniform() * sampler.Delta(plan.step_scale, ray.t);
     scratch->rays.push_back(ray);
   }
 }
 
-// Marches up to kWaveSamples further samples of every ray that still has light, and queries their density. Returns false
-// when no ray is left.
-bool MarchWave(const HashField& field, const Sampler& sampler, const BatchPlan& plan, ShardScratch* scratch, ShardResult* result) {
+// Marches up to kWaveSamples further samples of every ray that still has light, and queries their density.
+// Returns false when no ray is left.
+bool MarchWave(const HashField& field,
+               const Sampler& sampler,
+               const BatchPlan& plan,
+               ShardScratch* scratch,
+               ShardResult* result) {
   Samples& wave = scratch->wave;
   wave.clear();
   scratch->wave_ray.clear();
@@ -71,7 +82,9 @@ bool MarchWave(const HashField& field, const Sampler& sampler, const BatchPlan& 
 
   for (std::size_t run = 0; run < scratch->wave_ray.size(); ++run) {
     BatchRay& ray = scratch->rays[static_cast<std::size_t>(scratch->wave_ray[run])];
-    for (auto i = static_cast<std::size_t>(scratch->wave_first[run]); i < static_cast<std::size_t>(scratch->wave_first[run + 1]); ++i) {
+    for (auto i = static_cast<std::size_t>(scratch->wave_first[run]);
+         i < static_cast<std::size_t>(scratch->wave_first[run + 1]);
+         ++i) {
       scratch->kept.x.push_back(wave.x[i]);
       scratch->kept.y.push_back(wave.y[i]);
       scratch->kept.z.push_back(wave.z[i]);
@@ -94,7 +107,8 @@ bool MarchWave(const HashField& field, const Sampler& sampler, const BatchPlan& 
 void SortByRay(ShardScratch* scratch, ShardResult* result, std::vector<int>* ray_first) {
   const std::size_t n = scratch->kept_ray.size();
   ray_first->assign(scratch->rays.size() + 1, 0);
-  for (std::size_t r = 0; r < scratch->rays.size(); ++r) (*ray_first)[r + 1] = (*ray_first)[r] + scratch->rays[r].n_kept;
+  for (std::size_t r = 0; r < scratch->rays.size(); ++r)
+    (*ray_first)[r + 1] = (*ray_first)[r] + scratch->rays[r].n_kept;
   std::vector<int> next(ray_first->begin(), ray_first->end() - 1);
   Samples& samples = result->samples;
   samples.x.resize(n), samples.y.resize(n), samples.z.resize(n);
@@ -105,7 +119,9 @@ void SortByRay(ShardScratch* scratch, ShardResult* result, std::vector<int>* ray
     samples.y[to] = scratch->kept.y[i];
     samples.z[to] = scratch->kept.z[i];
     scratch->delta[to] = scratch->kept.delta[i];
-    std::memcpy(&scratch->features[to * HashField::kInputs], &scratch->kept_features[i * HashField::kInputs], HashField::kInputs * sizeof(float));
+    std::memcpy(&scratch->features[to * HashField::kInputs],
+                &scratch->kept_features[i * HashField::kInputs],
+                HashField::kInputs * sizeof(float));
   }
 }
 
@@ -122,15 +138,21 @@ void DifferentiateRays(const HashField& field,
   const auto n = static_cast<std::size_t>(ray_first[static_cast<std::size_t>(ray_end)]) - first;
   FieldRows& rows = scratch->rows;
   rows.Resize(static_cast<int>(n));
-  std::memcpy(rows.features.data(), &scratch->features[first * HashField::kInputs], n * HashField::kInputs * sizeof(float));
+  std::memcpy(rows.features.data(),
+              &scratch->features[first * HashField::kInputs],
+              n * HashField::kInputs * sizeof(float));
   field.QueryDensity(rows.features.data(), &rows);
-  Grow(&scratch->tau, n), Grow(&scratch->weights, n), Grow(&scratch->logit_gradients, 3 * n), Grow(&scratch->log_sigma_gradients, n);
-  for (std::size_t i = 0; i < n; ++i) scratch->tau[i] = scratch->weights[i] = rows.sigma[i] * scratch->delta[first + i];
+  Grow(&scratch->tau, n), Grow(&scratch->weights, n), Grow(&scratch->logit_gradients, 3 * n),
+      Grow(&scratch->log_sigma_gradients, n);
+  for (std::size_t i = 0; i < n; ++i)
+    scratch->tau[i] = scratch->weights[i] = rows.sigma[i] * scratch->delta[first + i];
   kernels.one_minus_exp_neg(static_cast<int>(n), scratch->weights.data());
   for (int r = ray_begin; r < ray_end; ++r) {
     float harmonics[kHarmonics];
     SphericalHarmonics(scratch->rays[static_cast<std::size_t>(r)].ray.direction, harmonics);
-    for (auto i = static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r)]) - first; i < static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r) + 1]) - first; ++i) {
+    for (auto i = static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r)]) - first;
+         i < static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r) + 1]) - first;
+         ++i) {
       std::memcpy(&rows.colour_in[i * HashField::kInputs + HashField::kOutputs], harmonics, sizeof harmonics);
     }
   }
@@ -164,7 +186,10 @@ void DifferentiateRays(const HashField& field,
     result->squared_error += squared_error;
     result->opacity += 1.f - transmittance;
   }
-  field.Backward(scratch->logit_gradients.data(), scratch->log_sigma_gradients.data(), &rows, result->weight_gradients.data());
+  field.Backward(scratch->logit_gradients.data(),
+                 scratch->log_sigma_gradients.data(),
+                 &rows,
+                 result->weight_gradients.data());
 }
 
 // 0 * x is 0 for every finite x and NaN otherwise.

@@ -1,6 +1,7 @@
-// One shard of a training batch: a fixed range of the batch's rays, marched, encoded, rendered and differentiated by one
-// thread into buffers of its own. The batch is cut into the same shards for any number of threads, and their results are
-// merged in shard order, so training is bit-identical for any number of threads.
+// One shard of a training batch: a fixed range of the batch's rays, marched, encoded, rendered and
+// differentiated by one thread into buffers of its own. The batch is cut into the same shards for any number
+// of threads, and their results are merged in shard order, so training is bit-identical for any number of
+// threads.
 #pragma once
 
 #include <cstdint>
@@ -51,10 +52,10 @@ struct BatchRay {
 // Scratch of one thread, reused.
 struct ShardScratch {
   std::vector<BatchRay> rays;
-  std::vector<int> wave_ray;             // ray of each run of samples of the current wave ...
-  std::vector<int> wave_first;           // ... and its first sample; one more entry at the end
+  std::vector<int> wave_ray;    // ray of each run of samples of the current wave ...
+  std::vector<int> wave_first;  // ... and its first sample; one more entry at the end
   Samples wave;
-  Samples kept;                          // in the order they were kept
+  Samples kept;  // in the order they were kept
   std::vector<int> kept_ray;
   std::vector<float> kept_features, features;  // [n][32]: as kept, and in ray order
   std::vector<float> delta, tau, weights, logit_gradients, log_sigma_gradients;

@@ -13,9 +13,13 @@ constexpr float kUnseenGrey = 0.5f;
 
 class HashTrainedField : public TrainedField {
  public:
-  explicit HashTrainedField(const std::filesystem::path& checkpoint) { scene_field_ = ReadCheckpoint(checkpoint, &state_); }
+  explicit HashTrainedField(const std::filesystem::path& checkpoint) {
+    scene_field_ = ReadCheckpoint(checkpoint, &state_);
+  }
 
-  RenderedView Render(const io::Camera& camera, const io::Rigid3d& world_from_cam, const RenderOptions& options) const override {
+  RenderedView Render(const io::Camera& camera,
+                      const io::Rigid3d& world_from_cam,
+                      const RenderOptions& options) const override {
     const RayCamera ray_camera(camera, world_from_cam);
     std::vector<Ray> rays;
     rays.reserve(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));

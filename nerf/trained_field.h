@@ -12,8 +12,8 @@ namespace nerf {
 
 struct RenderOptions {
   int threads = 1;
-  // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose background is
-  // free. Captures have learned their background.
+  // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
+  // background is free. Captures have learned their background.
   std::array<float, 3> background = {1, 1, 1};
 };
 

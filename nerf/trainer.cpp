@@ -23,9 +23,10 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 constexpr int kRebuildEvery = 16;  // steps between rebuilds of the occupancy grid
-// At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every one is.
+// At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every one
+// is.
 constexpr std::uint64_t kProbeStride = 16, kSweepSteps = 256;
-constexpr double kLossDecay = 0.98;  // running mean of the squared error, about 50 steps
+constexpr double kLossDecay = 0.98;           // running mean of the squared error, about 50 steps
 constexpr std::uint64_t kCollapseStep = 500;  // by then a living field is far above a constant picture
 constexpr double kCollapseMarginDb = 0.1, kCollapseOpacity = 1e-3;
 constexpr int kMaxSkippedSteps = 3;
@@ -37,13 +38,18 @@ double Seconds(Clock::duration d) { return std::chrono::duration<double>(d).coun
 double CpuSeconds() {
   rusage usage = {};
   getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
 class Trainer {
  public:
-  Trainer(const io::Scene& scene, const io::Scene& heldout, const TrainOptions& options, const std::filesystem::path& folder)
+  Trainer(const io::Scene& scene,
+          const io::Scene& heldout,
+          const TrainOptions& options,
+          const std::filesystem::path& folder)
       : scene_(scene),
         options_(options),
         folder_(folder),
@@ -93,7 +99,8 @@ void Trainer::Begin() {
   } else {
     state_.seed = options_.seed;
     state_.channels = dataset_.channels;
-    scene_field_ = MakeSceneField(scene_, dataset_, options_.field, state_.seed, &workers_, &report_.derivation);
+    scene_field_ =
+        MakeSceneField(scene_, dataset_, options_.field, state_.seed, &workers_, &report_.derivation);
   }
   if (curve_.empty()) curve_ = "step,wall_s,cpu_s,loss,train_psnr,heldout_psnr\n";
   constant_squared_error_ = ConstantSquaredError(dataset_);
@@ -101,7 +108,8 @@ void Trainer::Begin() {
 }
 
 double Trainer::Progress(double elapsed_s) const {
-  const double progress = options_.steps > 0 ? static_cast<double>(state_.step) / options_.steps : elapsed_s / options_.time_s;
+  const double progress =
+      options_.steps > 0 ? static_cast<double>(state_.step) / options_.steps : elapsed_s / options_.time_s;
   return std::min(progress, 1.0);
 }
 
@@ -129,10 +137,12 @@ void Trainer::Step(double progress) {
     opacity_ += shard.opacity / plan.n_rays;
     squared_error += shard.squared_error / (3.0 * plan.n_rays);
     if (!shard.finite) {
-      const std::string where = "step " + std::to_string(state_.step) + ", ray " + std::to_string(shard.first_bad_ray) +
-                                ", seed " + std::to_string(state_.seed);
+      const std::string where = "step " + std::to_string(state_.step) + ", ray " +
+                                std::to_string(shard.first_bad_ray) + ", seed " + std::to_string(state_.seed);
       if (++state_.skipped_steps > kMaxSkippedSteps) {
-        throw io::Error(io::ExitCode::kNumeric, "non-finite loss or gradient at " + where, "Lower --learning-rate or change --seed");
+        throw io::Error(io::ExitCode::kNumeric,
+                        "non-finite loss or gradient at " + where,
+                        "Lower --learning-rate or change --seed");
       }
       report_.events.push_back("skipped a non-finite batch at " + where + "; learning rate halved");
       state_.learning_rate_scale *= 0.5;
@@ -142,24 +152,30 @@ void Trainer::Step(double progress) {
   }
   n_samples_ += marched;
   n_rays_ += static_cast<std::uint64_t>(plan.n_rays);
-  state_.squared_error = state_.squared_error < 0 ? squared_error
-                                                  : kLossDecay * state_.squared_error + (1 - kLossDecay) * squared_error;
+  state_.squared_error = state_.squared_error < 0
+                             ? squared_error
+                             : kLossDecay * state_.squared_error + (1 - kLossDecay) * squared_error;
   Merge(progress);
   ++state_.step;
   if (state_.step % kRebuildEvery == 0) UpdateOccupancy();
-  // The next batch aims at the same number of samples; at most a factor 2 per step, since one batch may be unusual.
-  const double wanted = static_cast<double>(plan.n_rays) * options_.samples_per_step / static_cast<double>(std::max<std::uint64_t>(marched, 1));
+  // The next batch aims at the same number of samples; at most a factor 2 per step, since one batch may be
+  // unusual.
+  const double wanted = static_cast<double>(plan.n_rays) * options_.samples_per_step /
+                        static_cast<double>(std::max<std::uint64_t>(marched, 1));
   const double bounded = std::clamp(wanted, 0.5 * plan.n_rays, 2.0 * plan.n_rays);
   state_.n_rays = static_cast<int>(std::clamp(bounded, double{kMinRays}, double{kMaxRays}));
 }
 
-// Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and occupancy.
+// Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and
+// occupancy.
 void Trainer::Merge(double progress) {
   HashField& field = scene_field_->field;
-  const double tail = std::max(0.0, progress - options_.learning_rate_hold) / (1.0 - options_.learning_rate_hold);
+  const double tail =
+      std::max(0.0, progress - options_.learning_rate_hold) / (1.0 - options_.learning_rate_hold);
   const auto t = static_cast<double>(state_.step + 1);
   kernels::AdamStep step;
-  step.learning_rate = static_cast<float>(options_.learning_rate * state_.learning_rate_scale * std::pow(options_.learning_rate_final, tail));
+  step.learning_rate = static_cast<float>(options_.learning_rate * state_.learning_rate_scale *
+                                          std::pow(options_.learning_rate_final, tail));
   step.correction1 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta1}, t)));
   step.correction2 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta2}, t)));
   const int n_levels = static_cast<int>(field.levels().size());
@@ -167,7 +183,8 @@ void Trainer::Merge(double progress) {
     if (task < n_levels) {
       const int level = n_levels - 1 - task;  // the finest, slowest levels first
       for (const ShardResult& shard : shards_) {
-        const float* gradients = shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
+        const float* gradients =
+            shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
         field.Scatter(level, gradients, shard.samples, shard.samples.size());
       }
       field.StepTable(level, step);
@@ -179,7 +196,8 @@ void Trainer::Merge(double progress) {
     }
     field.StepWeights(step, sum.data());
     for (const ShardResult& shard : shards_) {
-      for (std::size_t i = 0; i < shard.visited_cell.size(); ++i) scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
+      for (std::size_t i = 0; i < shard.visited_cell.size(); ++i)
+        scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
     }
   });
 }
@@ -194,7 +212,8 @@ void Trainer::UpdateOccupancy() {
   constexpr std::size_t kTask = 4096;
   const float size = 1.f / static_cast<float>(grid.resolution());
   workers_.Run(static_cast<int>((cells.size() + kTask - 1) / kTask), [&](int task, int thread) {
-    const std::size_t first = static_cast<std::size_t>(task) * kTask, last = std::min(cells.size(), first + kTask);
+    const std::size_t first = static_cast<std::size_t>(task) * kTask,
+                      last = std::min(cells.size(), first + kTask);
     ShardScratch& scratch = scratch_[static_cast<std::size_t>(thread)];
     scratch.wave.clear();
     for (std::size_t i = first; i < last; ++i) {
@@ -219,14 +238,15 @@ bool Trainer::HasCollapsed() const {
 }
 
 void Trainer::Restart() {
-  report_.events.push_back("collapsed by step " + std::to_string(state_.step) + " with seed " + std::to_string(state_.seed) +
-                           "; restarted with the next seed");
+  report_.events.push_back("collapsed by step " + std::to_string(state_.step) + " with seed " +
+                           std::to_string(state_.seed) + "; restarted with the next seed");
   TrainState fresh;
   fresh.seed = state_.seed + 1;
   fresh.restarts = state_.restarts + 1;
   fresh.channels = state_.channels;
   state_ = fresh;
-  scene_field_ = MakeSceneField(scene_, dataset_, options_.field, state_.seed, &workers_, &report_.derivation);
+  scene_field_ =
+      MakeSceneField(scene_, dataset_, options_.field, state_.seed, &workers_, &report_.derivation);
   candidates_ = scene_field_->grid.Candidates();
 }
 
@@ -236,7 +256,15 @@ void Trainer::Monitor(double elapsed_s) {
   point.heldout_psnr = monitor_.Psnr(*scene_field_, &workers_);
   report_.curve.push_back(point);
   char line[200];
-  std::snprintf(line, sizeof line, "%llu,%.3f,%.3f,%.6g,%.3f,%.3f\n", static_cast<unsigned long long>(point.step), point.wall_s, point.cpu_s, point.loss, point.train_psnr, point.heldout_psnr);
+  std::snprintf(line,
+                sizeof line,
+                "%llu,%.3f,%.3f,%.6g,%.3f,%.3f\n",
+                static_cast<unsigned long long>(point.step),
+                point.wall_s,
+                point.cpu_s,
+                point.loss,
+                point.train_psnr,
+                point.heldout_psnr);
   curve_ += line;
   report_.heldout_psnr = point.heldout_psnr;
 }
@@ -286,7 +314,13 @@ TrainReport Trainer::Run() {
       last_rate_s = now;
       last_rate_rays = n_rays_;
       char note[120];
-      std::snprintf(note, sizeof note, "step %llu  train %.2f dB  held-out %.2f dB  %.0f k rays/s", static_cast<unsigned long long>(state_.step), -10 * std::log10(std::max(state_.squared_error, 1e-12)), report_.heldout_psnr, rays_per_s / 1e3);
+      std::snprintf(note,
+                    sizeof note,
+                    "step %llu  train %.2f dB  held-out %.2f dB  %.0f k rays/s",
+                    static_cast<unsigned long long>(state_.step),
+                    -10 * std::log10(std::max(state_.squared_error, 1e-12)),
+                    report_.heldout_psnr,
+                    rays_per_s / 1e3);
       bar.Update(Progress(now), note);
     }
   }
@@ -299,7 +333,8 @@ TrainReport Trainer::Run() {
   report_.parameters = scene_field_->field.n_parameters();
   report_.samples_per_s = static_cast<double>(n_samples_) / this_run_s;
   report_.rays_per_s = static_cast<double>(n_rays_) / this_run_s;
-  report_.samples_per_ray = static_cast<double>(n_samples_) / static_cast<double>(std::max<std::uint64_t>(n_rays_, 1));
+  report_.samples_per_ray =
+      static_cast<double>(n_samples_) / static_cast<double>(std::max<std::uint64_t>(n_rays_, 1));
   report_.occupied_share = scene_field_->grid.OccupiedShare();
   report_.skipped_steps = state_.skipped_steps;
   report_.restarts = state_.restarts;
@@ -309,7 +344,10 @@ TrainReport Trainer::Run() {
 
 }  // namespace
 
-TrainReport Train(const io::Scene& scene, const io::Scene& heldout, const TrainOptions& options, const std::filesystem::path& folder) {
+TrainReport Train(const io::Scene& scene,
+                  const io::Scene& heldout,
+                  const TrainOptions& options,
+                  const std::filesystem::path& folder) {
   PIPELINE_CHECK_GT(options.threads, 0);
   return Trainer(scene, heldout, options, folder).Run();
 }

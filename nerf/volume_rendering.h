@@ -4,14 +4,15 @@
 //   transmittance  T_i = exp(-sum_{j<i} tau_j)        weights w_i = T_i alpha_i
 //   colour         C = sum w_i c_i,  T_end = exp(-sum tau_j) shows the background
 //
-// [Max 1995; Mildenhall et al. 2020.] T is accumulated in log space, so neither products near 0 nor 1 - alpha = 0 need
-// care. Templated on the scalar: float in training, double as the oracle of the tests.
+// [Max 1995; Mildenhall et al. 2020.] T is accumulated in log space, so neither products near 0 nor 1 - alpha
+// = 0 need care. Templated on the scalar: float in training, double as the oracle of the tests.
 //
-// Loss. A picture with alpha A* and premultiplied colour C* must look right on every background. For a background b_j
-// uniform in [0, 1] per channel the expected squared error has the closed form, with D = T_end - (1 - A*) and
-// e_j = C_j - C*_j + D / 2,
+// Loss. A picture with alpha A* and premultiplied colour C* must look right on every background. For a
+// background b_j uniform in [0, 1] per channel the expected squared error has the closed form, with D = T_end
+// - (1 - A*) and e_j = C_j - C*_j + D / 2,
 //   E 1/2 sum_j (C_j - C*_j + b_j D)^2 = 1/2 sum_j e_j^2 + 1/8 D^2,
-// so no background needs to be drawn. Opaque pictures are the case A* = 1: light that leaves the scene is an error.
+// so no background needs to be drawn. Opaque pictures are the case A* = 1: light that leaves the scene is an
+// error.
 #pragma once
 
 #include <cmath>
@@ -37,11 +38,12 @@ Scalar Transmittance(int n, const Scalar* tau, Scalar* transmittance) {
   return std::exp(-depth);
 }
 
-// One ray: weights [n], rgb [n][3] and T_end give the loss; outputs d loss / d rgb-logits [n][3] (rgb = sigmoid(logit))
-// and d loss / d log sigma [n], both times `scale`:
+// One ray: weights [n], rgb [n][3] and T_end give the loss; outputs d loss / d rgb-logits [n][3] (rgb =
+// sigmoid(logit)) and d loss / d log sigma [n], both times `scale`:
 //   d loss / d log sigma_i = tau_i (T_{i+1} q_i - sum_{k>i} w_k q_k - G T_end),  q_i = sum_j e_j c_ij,
 //   G = d loss / d T_end = D / 4 + 1/2 sum_j e_j.
-// Returns the loss, unscaled; squared_error receives sum_j (C_j + D/2 - C*_j)^2, the error on a grey background.
+// Returns the loss, unscaled; squared_error receives sum_j (C_j + D/2 - C*_j)^2, the error on a grey
+// background.
 template <typename Scalar>
 Scalar CompositeLoss(int n,
                      const Scalar* tau,

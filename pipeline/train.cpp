@@ -15,7 +15,9 @@ void TrainStage(int argc, const char* const* argv) {
   CommonOptions common;
   nerf::TrainOptions train;
   std::string field = "hash", time = "3m";
-  Options options("pipeline train", "Trains the radiance field of a run folder's normalised scene; Ctrl-C saves, the same command continues.");
+  Options options("pipeline train",
+                  "Trains the radiance field of a run folder's normalised scene; Ctrl-C saves, the same "
+                  "command continues.");
   AddCommonOptions(&options, &common);
   options.Add("field", &field, "radiance field: hash (multi-resolution hash grid)");
   options.Add("time", &time, "training budget: 30s, 3m, 1h; learning rate and sampling follow it");
@@ -23,16 +25,23 @@ void TrainStage(int argc, const char* const* argv) {
   options.Add("seed", &train.seed, "random seed; with --steps the same seed gives the same bytes");
   options.Add("batch", &train.samples_per_step, "samples per step");
   options.Add("learning-rate", &train.learning_rate, "first learning rate of Adam");
-  options.Add("log2-hashmap-size", &train.field.log2_hashmap_size, "log2 of the entries of a hashed level; 0 = derived");
-  options.Add("finest-resolution", &train.field.finest_resolution, "cells per axis of the finest level; 0 = derived");
-  options.Add("grid-resolution", &train.field.grid_resolution, "occupancy cells per axis, a multiple of 64; 0 = derived");
+  options.Add("log2-hashmap-size",
+              &train.field.log2_hashmap_size,
+              "log2 of the entries of a hashed level; 0 = derived");
+  options.Add(
+      "finest-resolution", &train.field.finest_resolution, "cells per axis of the finest level; 0 = derived");
+  options.Add("grid-resolution",
+              &train.field.grid_resolution,
+              "occupancy cells per axis, a multiple of 64; 0 = derived");
   options.Add("checkpoint-every", &train.checkpoint_every_s, "seconds between checkpoints", false);
   if (!options.Parse(argc, argv)) return;
-  if (field != "hash") throw io::Error(io::ExitCode::kUsage, "--field: '" + field + "' is unknown", "The fields are: hash");
+  if (field != "hash")
+    throw io::Error(io::ExitCode::kUsage, "--field: '" + field + "' is unknown", "The fields are: hash");
   train.time_s = ParseDuration("time", time);
-  if (!(train.time_s > 0) || train.steps < 0 || train.samples_per_step < 1024 || train.samples_per_step > 1 << 22 ||
-      !(train.learning_rate > 0) || train.field.log2_hashmap_size < 0 || train.field.log2_hashmap_size > 24 ||
-      train.field.grid_resolution < 0 || train.field.grid_resolution > 512 || train.field.grid_resolution % 64 != 0 ||
+  if (!(train.time_s > 0) || train.steps < 0 || train.samples_per_step < 1024 ||
+      train.samples_per_step > 1 << 22 || !(train.learning_rate > 0) || train.field.log2_hashmap_size < 0 ||
+      train.field.log2_hashmap_size > 24 || train.field.grid_resolution < 0 ||
+      train.field.grid_resolution > 512 || train.field.grid_resolution % 64 != 0 ||
       train.field.finest_resolution < 0 || train.field.finest_resolution > 1 << 16) {
     throw io::Error(io::ExitCode::kUsage, "pipeline train: an option is out of range", "See --help");
   }
@@ -43,7 +52,8 @@ void TrainStage(int argc, const char* const* argv) {
   if (run.IsUpToDate()) return;
   const io::Scene scene = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
   const std::filesystem::path heldout_path = scene_folder / "transforms_test.json";
-  const io::Scene heldout = std::filesystem::exists(heldout_path) ? io::ReadTransforms(heldout_path).scene : io::Scene{};
+  const io::Scene heldout =
+      std::filesystem::exists(heldout_path) ? io::ReadTransforms(heldout_path).scene : io::Scene{};
 
   const nerf::TrainReport report = nerf::Train(scene, heldout, train, run.folder());
   if (!report.derivation.empty()) run.Decide(report.derivation);
@@ -51,7 +61,8 @@ void TrainStage(int argc, const char* const* argv) {
   char line[200];
   std::snprintf(line,
                 sizeof line,
-                "%llu steps in %.1f s with %s kernels: %.2f M samples/s, %.1f samples per ray, %.1f %% of the space occupied",
+                "%llu steps in %.1f s with %s kernels: %.2f M samples/s, %.1f samples per ray, %.1f %% of "
+                "the space occupied",
                 static_cast<unsigned long long>(report.steps),
                 report.train_s,
                 report.kernels.c_str(),

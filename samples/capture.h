@@ -52,13 +52,13 @@ struct CaptureReport {
 // The lens of the photographs.
 io::Camera CaptureCamera(const CaptureOptions& options);
 
-// Writes, complete or not at all:
-//   out/photos/IMG_0001.jpg ...            (out/walkaround.mp4 for a video)
-//   out/truth/transforms.json              pose and lens of every picture; a video's frames are named
-//   000001.png ... out/truth/photos                       link to the photographs, for readers of
-//   transforms.json out/truth/depth/IMG_0001.pfm ...       if asked for: distance along the ray of each pixel
-//   centre, scene units out/truth/test/001.png ... transforms_test.json out/truth/blurred_frames.txt of a
-//   video: names of the blurred frames
+// Writes, complete or not at all, below `out`:
+//   * photos/IMG_0001.jpg ..., or walkaround.mp4
+//   * truth/transforms.json: pose and lens of every picture; film frames are named as `pipeline ingest` does
+//   * truth/photos/: hard links to the photographs, since transforms.json names only files below itself
+//   * truth/depth/IMG_0001.pfm ..., if asked for: distance along each pixel's centre ray, scene units
+//   * truth/test/001.png ... and truth/transforms_test.json: the held-out views
+//   * truth/blurred_frames.txt: names of a film's blurred frames
 // Throws kUsage for options that make no capture, kNoResources, kMissingTool without ffmpeg.
 CaptureReport WriteCapture(const CaptureOptions& options);
 

@@ -16,14 +16,18 @@ using kernels::Epilogue;
 using Doubles = std::vector<double>;
 
 constexpr int kSamples = 7;
-const HashFieldOptions kSmall{.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40};
+const HashFieldOptions kSmall{
+    .n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40};
 
 struct Twin {  // the field's parameters in double, and its equations in order
   std::vector<kernels::GridLevel> levels;
   Doubles table, weights;
 
   // Sum over samples of a . rgb-logits + b log sigma, a linear probe of both outputs.
-  double Probe(const Samples& samples, const float directions[][3], const Doubles& a, const Doubles& b) const {
+  double Probe(const Samples& samples,
+               const float directions[][3],
+               const Doubles& a,
+               const Doubles& b) const {
     double sum = 0;
     for (std::size_t s = 0; s < static_cast<std::size_t>(samples.size()); ++s) {
       Doubles features(32), hidden(64), out(16), in(32), c1(64), c2(64), logits(3);
@@ -53,7 +57,8 @@ class HashFieldTest : public testing::Test {
     for (auto& tensor : field_.State()) {
       const std::string name = tensor.name;
       if (name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values->size(); ++i) (*tensor.values)[i] = Random(9, Stream::kInit, 2, i).Uniform() - 0.5f;
+        for (std::size_t i = 0; i < tensor.values->size(); ++i)
+          (*tensor.values)[i] = Random(9, Stream::kInit, 2, i).Uniform() - 0.5f;
         twin_.table.assign(tensor.values->begin(), tensor.values->end());
       }
       if (name == "weights") twin_.weights.assign(tensor.values->begin(), tensor.values->end());
@@ -76,7 +81,8 @@ class HashFieldTest : public testing::Test {
     rows->Resize(kSamples);
     field_.Encode(samples_, 0, kSamples, rows->features.data());
     field_.QueryDensity(rows->features.data(), rows);
-    for (std::size_t s = 0; s < kSamples; ++s) SphericalHarmonics(directions_[s], &rows->colour_in[32 * s + 16]);
+    for (std::size_t s = 0; s < kSamples; ++s)
+      SphericalHarmonics(directions_[s], &rows->colour_in[32 * s + 16]);
     field_.QueryColour(rows);
   }
 
@@ -93,7 +99,8 @@ TEST_F(HashFieldTest, ForwardMatchesTheTwin) {
   double sum = 0;
   for (std::size_t s = 0; s < kSamples; ++s) {
     sum += b_[s] * std::log(rows.sigma[s]);
-    for (std::size_t c = 0; c < 3; ++c) sum += a_[3 * s + c] * std::log(rows.rgb[3 * s + c] / (1 - rows.rgb[3 * s + c]));
+    for (std::size_t c = 0; c < 3; ++c)
+      sum += a_[3 * s + c] * std::log(rows.rgb[3 * s + c] / (1 - rows.rgb[3 * s + c]));
   }
   EXPECT_NEAR(sum, twin_.Probe(samples_, directions_, a_, b_), 2e-5);
 }

@@ -1,4 +1,5 @@
-// Every build of the kernels that this CPU runs, against the plain twin in double, within the bounds of kernels.h.
+// Every build of the kernels that this CPU runs, against the plain twin in double, within the bounds of
+// kernels.h.
 #include "nerf/kernels/kernels.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +19,8 @@ using Doubles = std::vector<double>;
 
 Floats Uniform(std::size_t n, std::uint64_t seed, float low = -1, float high = 1) {
   Floats values(n);
-  for (std::size_t i = 0; i < n; ++i) values[i] = low + (high - low) * Random(seed, Stream::kInit, 0, i).Uniform();
+  for (std::size_t i = 0; i < n; ++i)
+    values[i] = low + (high - low) * Random(seed, Stream::kInit, 0, i).Uniform();
   return values;
 }
 Doubles ToDouble(const Floats& v) { return {v.begin(), v.end()}; }
@@ -32,16 +34,21 @@ class KernelsTest : public testing::TestWithParam<const char*> {
   const Kernels* kernels_ = nullptr;
 };
 
-INSTANTIATE_TEST_SUITE_P(Builds, KernelsTest, testing::Values("portable", "avx2", "avx512"), [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(Builds,
+                         KernelsTest,
+                         testing::Values("portable", "avx2", "avx512"),
+                         [](const auto& test) { return test.param; });
 
 TEST_P(KernelsTest, ExpKeepsItsErrorBoundOverItsRange) {
   constexpr int kCount = 400001;
   Floats x(kCount);
-  for (int i = 0; i < kCount; ++i) x[static_cast<std::size_t>(i)] = -87.f + 175.f * static_cast<float>(i) / (kCount - 1);
+  for (int i = 0; i < kCount; ++i)
+    x[static_cast<std::size_t>(i)] = -87.f + 175.f * static_cast<float>(i) / (kCount - 1);
   Floats y = x;
   kernels_->exp(kCount, y.data());
   double worst = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) worst = std::max(worst, std::fabs(y[i] / std::exp(static_cast<double>(x[i])) - 1));
+  for (std::size_t i = 0; i < x.size(); ++i)
+    worst = std::max(worst, std::fabs(y[i] / std::exp(static_cast<double>(x[i])) - 1));
   EXPECT_LE(worst, 2.5e-7);
   EXPECT_GT(worst, 1e-9) << "the sweep did not run";
 }
@@ -67,7 +74,8 @@ TEST_P(KernelsTest, OpacityIsAccurateFromTinyToHugeOpticalDepth) {
   Floats y = x;
   kernels_->one_minus_exp_neg(static_cast<int>(y.size()), y.data());
   double worst = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) worst = std::max(worst, std::fabs(y[i] / -std::expm1(-static_cast<double>(x[i])) - 1));
+  for (std::size_t i = 0; i < x.size(); ++i)
+    worst = std::max(worst, std::fabs(y[i] / -std::expm1(-static_cast<double>(x[i])) - 1));
   EXPECT_LE(worst, 5e-7);
   Floats ends = {0.f, 1e30f, std::numeric_limits<float>::infinity(), std::nanf("")};
   kernels_->one_minus_exp_neg(4, ends.data());
@@ -92,13 +100,16 @@ TEST_P(KernelsTest, SigmoidStaysWithinItsBoundAndInsideTheUnitInterval) {
 TEST_P(KernelsTest, MatmulAndItsGradientForAwkwardSizes) {
   for (const int n : {0, 1, 2, 3, 15, 16, 17, 63, 64, 65, 200}) {
     for (const auto& [k, m] : {std::pair{32, 64}, {64, 16}, {64, 64}, {16, 64}, {64, 32}}) {
-      const auto un = static_cast<std::size_t>(n), uk = static_cast<std::size_t>(k), um = static_cast<std::size_t>(m);
-      const Floats x = Uniform(un * uk, 1), w = Uniform(uk * um, 2), mask = Uniform(un * um, 3), dy = Uniform(un * um, 4);
+      const auto un = static_cast<std::size_t>(n), uk = static_cast<std::size_t>(k),
+                 um = static_cast<std::size_t>(m);
+      const Floats x = Uniform(un * uk, 1), w = Uniform(uk * um, 2), mask = Uniform(un * um, 3),
+                   dy = Uniform(un * um, 4);
       for (const Epilogue epilogue : {Epilogue::kNone, Epilogue::kRelu, Epilogue::kMask}) {
         Floats y(un * um + 1, 7.f);
         Doubles exact(un * um), bound(un * um);
         kernels_->matmul(n, k, m, x.data(), w.data(), epilogue, mask.data(), y.data());
-        reference::Matmul(n, k, m, ToDouble(x).data(), ToDouble(w).data(), epilogue, ToDouble(mask).data(), exact.data());
+        reference::Matmul(
+            n, k, m, ToDouble(x).data(), ToDouble(w).data(), epilogue, ToDouble(mask).data(), exact.data());
         for (std::size_t i = 0; i < exact.size(); ++i) {
           // |x|, |w| <= 1, hence sum |x||w| <= k.
           ASSERT_NEAR(y[i], exact[i], 2.0 * k * 0x1p-24 * k) << n << " " << k << " " << m;
@@ -109,7 +120,8 @@ TEST_P(KernelsTest, MatmulAndItsGradientForAwkwardSizes) {
       Doubles exact = ToDouble(gradient);
       kernels_->matmul_gradient(n, k, m, x.data(), dy.data(), gradient.data());
       reference::MatmulGradient(n, k, m, ToDouble(x).data(), ToDouble(dy).data(), exact.data());
-      for (std::size_t i = 0; i < exact.size(); ++i) ASSERT_NEAR(gradient[i], exact[i], 2.0 * (n + 1) * 0x1p-24 * (n + 1));
+      for (std::size_t i = 0; i < exact.size(); ++i)
+        ASSERT_NEAR(gradient[i], exact[i], 2.0 * (n + 1) * 0x1p-24 * (n + 1));
     }
   }
 }
@@ -129,19 +141,25 @@ TEST_P(KernelsTest, HeadAndItsGradient) {
     kernels_->head(n, 64, x.data(), w.data(), logits.data());
     kernels_->head_gradient(n, 64, x.data(), w.data(), dl.data(), dx.data(), dw.data());
     reference::Head(n, 64, ToDouble(x).data(), ToDouble(w).data(), logits_exact.data());
-    reference::HeadGradient(n, 64, ToDouble(x).data(), ToDouble(w).data(), ToDouble(dl).data(), dx_exact.data(), dw_exact.data());
-    for (std::size_t i = 0; i < logits.size(); ++i) ASSERT_NEAR(logits[i], logits_exact[i], 128 * 64 * 0x1p-24);
+    reference::HeadGradient(
+        n, 64, ToDouble(x).data(), ToDouble(w).data(), ToDouble(dl).data(), dx_exact.data(), dw_exact.data());
+    for (std::size_t i = 0; i < logits.size(); ++i)
+      ASSERT_NEAR(logits[i], logits_exact[i], 128 * 64 * 0x1p-24);
     for (std::size_t i = 0; i < dx.size(); ++i) ASSERT_NEAR(dx[i], dx_exact[i], 1e-6);
     for (std::size_t i = 0; i < dw.size(); ++i) ASSERT_NEAR(dw[i], dw_exact[i], 2e-5);
   }
 }
 
 class GridKernelsTest : public KernelsTest {};
-INSTANTIATE_TEST_SUITE_P(Builds, GridKernelsTest, testing::Values("portable", "avx2", "avx512"), [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(Builds,
+                         GridKernelsTest,
+                         testing::Values("portable", "avx2", "avx512"),
+                         [](const auto& test) { return test.param; });
 
 TEST_P(GridKernelsTest, EncodeAndScatterMatchTheTwinOnDenseAndHashedLevels) {
   for (const std::uint32_t mask : {0u, 1023u}) {
-    GridLevel level{.resolution = mask ? 97u : 12u, .hash_mask = mask, .n_entries = mask ? 1024u : 13u * 13u * 13u};
+    GridLevel level{
+        .resolution = mask ? 97u : 12u, .hash_mask = mask, .n_entries = mask ? 1024u : 13u * 13u * 13u};
     const int n = 501;
     Floats x = Uniform(n, 1, 0, 1), y = Uniform(n, 2, 0, 1), z = Uniform(n, 3, 0, 1);
     x[0] = y[0] = z[0] = 0;
@@ -152,12 +170,15 @@ TEST_P(GridKernelsTest, EncodeAndScatterMatchTheTwinOnDenseAndHashedLevels) {
     kernels_->encode(level, table.data(), x.data(), y.data(), z.data(), n, features.data(), 32);
     kernels_->scatter(level, df.data(), x.data(), y.data(), z.data(), n, gradient.data());
     const Doubles xd = ToDouble(x), yd = ToDouble(y), zd = ToDouble(z);
-    reference::Encode(level, ToDouble(table).data(), xd.data(), yd.data(), zd.data(), n, features_exact.data(), kFeatures);
+    reference::Encode(
+        level, ToDouble(table).data(), xd.data(), yd.data(), zd.data(), n, features_exact.data(), kFeatures);
     reference::Scatter(level, ToDouble(df).data(), xd.data(), yd.data(), zd.data(), n, gradient_exact.data());
     // Positions times 97 cells round by 4e-6 of a cell; values are at most 1.
     for (int i = 0; i < n; ++i) {
       for (int f = 0; f < kFeatures; ++f) {
-        ASSERT_NEAR(features[static_cast<std::size_t>(32 * i + f)], features_exact[static_cast<std::size_t>(kFeatures * i + f)], 4e-5);
+        ASSERT_NEAR(features[static_cast<std::size_t>(32 * i + f)],
+                    features_exact[static_cast<std::size_t>(kFeatures * i + f)],
+                    4e-5);
       }
       ASSERT_EQ(features[static_cast<std::size_t>(32 * i + kFeatures)], 9.f);
     }

@@ -1,4 +1,5 @@
-// Rays through the occupancy grid: nothing occupied is skipped, contraction and its speed bound hold, slabs are NaN-safe.
+// Rays through the occupancy grid: nothing occupied is skipped, contraction and its speed bound hold, slabs
+// are NaN-safe.
 #include "nerf/sampler.h"
 
 #include <gtest/gtest.h>
@@ -55,7 +56,8 @@ TEST(SpaceMap, NoRayIsFasterThanTheBound) {
     const float h = 1e-3f;
     for (float t = 0; t < 30; t += 0.25f) {
       float a[3], b[3], ua[3], ub[3];
-      for (int i = 0; i < 3; ++i) a[i] = ray.origin[i] + t * ray.direction[i], b[i] = a[i] + h * ray.direction[i];
+      for (int i = 0; i < 3; ++i)
+        a[i] = ray.origin[i] + t * ray.direction[i], b[i] = a[i] + h * ray.direction[i];
       map.ToUnit(a, ua);
       map.ToUnit(b, ub);
       const float reach = map.Reach(a);
@@ -68,14 +70,17 @@ TEST(SpaceMap, NoRayIsFasterThanTheBound) {
   EXPECT_GT(outside, 10000);
 }
 
-// A random grid with a few occupied cells; every sample that plain stepping finds, the jumping sampler finds too.
+// A random grid with a few occupied cells; every sample that plain stepping finds, the jumping sampler finds
+// too.
 TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
   for (const bool unbounded : {false, true}) {
     const SpaceMap map = Map(unbounded);
     OccupancyGrid grid(64, map);
-    for (int i = 0; i < 8000; ++i) grid.SetCandidate(Random(3, Stream::kInit, 0, static_cast<std::uint64_t>(i)).Below(64 * 64 * 64));
+    for (int i = 0; i < 8000; ++i)
+      grid.SetCandidate(Random(3, Stream::kInit, 0, static_cast<std::uint64_t>(i)).Below(64 * 64 * 64));
     grid.Rebuild();
-    const SamplerOptions options{.near = 0.01f, .far = 40, .step_size = 0.004f, .cone_angle = unbounded ? 0.002f : 0.f};
+    const SamplerOptions options{
+        .near = 0.01f, .far = 40, .step_size = 0.004f, .cone_angle = unbounded ? 0.002f : 0.f};
     const Sampler sampler(options, map, grid);
     int hits = 0;
     for (std::uint64_t seed = 0; seed < 200; ++seed) {
@@ -101,7 +106,8 @@ TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
           if (grid.CellAt(unit) != cell) break;
           inside = u - s;
         }
-        ASSERT_LE(inside, 1.01f * sampler.Delta(1, s) + 0.002f) << "seed " << seed << " unbounded " << unbounded;
+        ASSERT_LE(inside, 1.01f * sampler.Delta(1, s) + 0.002f)
+            << "seed " << seed << " unbounded " << unbounded;
         found[cell] = true;
       }
       hits += samples.size() > 0;
@@ -156,13 +162,15 @@ TEST(OccupancyGrid, DistancesEqualBruteForce) {
   for (std::uint64_t i = 0; i < 12; ++i) {
     const std::uint32_t cell = Random(5, Stream::kInit, 0, i).Below(64 * 64 * 64);
     grid.SetCandidate(cell);
-    occupied.push_back({static_cast<int>(cell % 64), static_cast<int>(cell / 64 % 64), static_cast<int>(cell / 4096)});
+    occupied.push_back(
+        {static_cast<int>(cell % 64), static_cast<int>(cell / 64 % 64), static_cast<int>(cell / 4096)});
   }
   grid.Rebuild();
   for (std::uint32_t cell = 0; cell < grid.n_cells(); cell += 7) {
     int nearest = 24;
     for (const auto& o : occupied) {
-      const int dx = std::abs(o[0] - static_cast<int>(cell % 64)), dy = std::abs(o[1] - static_cast<int>(cell / 64 % 64));
+      const int dx = std::abs(o[0] - static_cast<int>(cell % 64)),
+                dy = std::abs(o[1] - static_cast<int>(cell / 64 % 64));
       nearest = std::min(nearest, std::max({dx, dy, std::abs(o[2] - static_cast<int>(cell / 4096))}));
     }
     ASSERT_EQ(grid.Distance(cell), nearest) << cell;

@@ -1,4 +1,5 @@
-// Training end to end on a scene whose pictures are computed in closed form: quality, determinism, resume, checkpoints.
+// Training end to end on a scene whose pictures are computed in closed form: quality, determinism, resume,
+// checkpoints.
 #include "nerf/trainer.h"
 
 #include <gtest/gtest.h>
@@ -18,17 +19,27 @@ namespace {
 
 constexpr int kSize = 48;
 
-// A ball of radius 0.8 at the origin with a smooth colour pattern; transparent (or, opaque, a wall of sky) elsewhere.
-void WriteView(const std::filesystem::path& path, const io::Camera& camera, const io::Rigid3d& pose, bool opaque) {
+// A ball of radius 0.8 at the origin with a smooth colour pattern; elsewhere transparent or, opaque, the
+// painted walls of a cubic room of half side 5, which lies far outside the region of interest.
+void WriteView(const std::filesystem::path& path,
+               const io::Camera& camera,
+               const io::Rigid3d& pose,
+               bool opaque) {
   io::Image image = io::MakeImage(camera.width, camera.height, 4);
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector3d d = pose.rotation * *io::RayFromImg(camera, {x + 0.5, y + 0.5}), o = pose.translation;
+      const Eigen::Vector3d d = pose.rotation * *io::RayFromImg(camera, {x + 0.5, y + 0.5}),
+                            o = pose.translation;
       const double b = o.dot(d), discriminant = b * b - o.squaredNorm() + 0.64;
       std::uint8_t* p = image.Pixel(x, y);
       const bool hit = discriminant > 0;
-      const Eigen::Vector3d n = hit ? Eigen::Vector3d((o + (-b - std::sqrt(discriminant)) * d) / 0.8) : d;
-      for (int c = 0; c < 3; ++c) p[c] = static_cast<std::uint8_t>(std::lround(127.5 + 100 * std::sin((hit ? 4 : 2) * n[c] + c)));
+      double wall = 1e9;
+      for (int c = 0; c < 3; ++c) wall = std::min(wall, (std::copysign(5.0, d[c]) - o[c]) / d[c]);
+      const Eigen::Vector3d at =
+          hit ? Eigen::Vector3d((o + (-b - std::sqrt(discriminant)) * d) / 0.8) : o + wall * d;
+      for (int c = 0; c < 3; ++c)
+        p[c] = static_cast<std::uint8_t>(
+            std::lround(127.5 + 60 * std::sin(4 * at[c] + c) + 40 * std::sin(3 * at[(c + 1) % 3])));
       p[3] = hit || opaque ? 255 : 0;
     }
   }
@@ -38,7 +49,8 @@ void WriteView(const std::filesystem::path& path, const io::Camera& camera, cons
 io::Scene MakeScene(const std::filesystem::path& folder, int n_views, double phase, bool opaque) {
   io::Scene scene;
   scene.aabb = {Eigen::Vector3d::Constant(-1.2), Eigen::Vector3d::Constant(1.2)};
-  scene.cameras = {{.width = kSize, .height = kSize, .fl_x = 60, .fl_y = 60, .cx = kSize / 2., .cy = kSize / 2.}};
+  scene.cameras = {
+      {.width = kSize, .height = kSize, .fl_x = 60, .fl_y = 60, .cx = kSize / 2., .cy = kSize / 2.}};
   for (int i = 0; i < n_views; ++i) {
     const double angle = 2 * M_PI * (i + phase) / n_views, height = 0.5 * std::sin(3 * angle);
     const Eigen::Vector3d centre = 4 * Eigen::Vector3d(std::cos(angle), std::sin(angle), height).normalized();
@@ -47,7 +59,8 @@ io::Scene MakeScene(const std::filesystem::path& folder, int n_views, double pha
     pose.rotation.col(2) = centre.normalized();
     pose.rotation.col(0) = Eigen::Vector3d::UnitZ().cross(centre).normalized();
     pose.rotation.col(1) = pose.rotation.col(2).cross(pose.rotation.col(0));
-    const std::filesystem::path path = folder / ("view_" + std::to_string(i) + "_" + std::to_string(phase > 0) + ".png");
+    const std::filesystem::path path =
+        folder / ("view_" + std::to_string(i) + "_" + std::to_string(phase > 0) + ".png");
     WriteView(path, scene.cameras[0], pose, opaque);
     scene.frames.push_back({path, 0, pose});
   }
@@ -66,7 +79,8 @@ TrainOptions SmallOptions(int steps) {
 
 TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 16, 0, false), heldout = MakeScene(dir.path(), 4, 0.37, false);
+  const io::Scene train = MakeScene(dir.path(), 16, 0, false),
+                  heldout = MakeScene(dir.path(), 4, 0.37, false);
   TrainOptions options = SmallOptions(400);
   options.threads = 2;
   const TrainReport report = Train(train, heldout, options, dir.path());
@@ -75,7 +89,8 @@ TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
   EXPECT_EQ(report.restarts, 0);
 
   const auto field = TrainedField::Load(dir.path() / "checkpoint.bin");
-  const RenderedView view = field->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
+  const RenderedView view =
+      field->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
   const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
   EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
   EXPECT_GT(view.opacity[middle], 0.99);
@@ -85,8 +100,8 @@ TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
 
 TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 16, 0, true), heldout = MakeScene(dir.path(), 4, 0.37, true);
-  TrainOptions options = SmallOptions(400);
+  const io::Scene train = MakeScene(dir.path(), 32, 0, true), heldout = MakeScene(dir.path(), 4, 0.37, true);
+  TrainOptions options = SmallOptions(600);
   options.threads = 2;
   const TrainReport report = Train(train, heldout, options, dir.path());
   EXPECT_GE(report.heldout_psnr, 22.0);
@@ -103,8 +118,10 @@ TEST(Trainer, SameBytesForAnyNumberOfThreads) {
     std::filesystem::create_directories(folder);
     Train(train, {}, options, folder);
     const auto field = TrainedField::Load(folder / "checkpoint.bin");
-    const RenderedView view = field->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = threads});
-    hashes[threads / 2] = io::HashBytes({reinterpret_cast<const char*>(view.rgb.data()), view.rgb.size() * 4});
+    const RenderedView view =
+        field->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = threads});
+    hashes[threads / 2] =
+        io::HashBytes({reinterpret_cast<const char*>(view.rgb.data()), view.rgb.size() * 4});
   }
   EXPECT_EQ(hashes[0], hashes[1]);
 }
@@ -113,10 +130,12 @@ TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   const TempDir dir;
   const io::Scene train = MakeScene(dir.path(), 8, 0, false);
   const auto rgb_after = [&](const std::filesystem::path& folder) {
-    return TrainedField::Load(folder / "checkpoint.bin")->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1}).rgb;
+    return TrainedField::Load(folder / "checkpoint.bin")
+        ->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1})
+        .rgb;
   };
-  // Schedules follow step / steps, so the first part of a run of 60 needs the same options as the whole: it is cut by a
-  // checkpoint every step and a copy of the one that is there when 60 are done in two goes.
+  // Schedules follow step / steps, so the first part of a run of 60 needs the same options as the whole: it
+  // is cut by a checkpoint every step and a copy of the one that is there when 60 are done in two goes.
   TrainOptions whole = SmallOptions(60), part = whole;
   part.learning_rate_hold = whole.learning_rate_hold = 1 - 1e-9;  // constant rate: independent of `steps`
   part.step_scale_share = whole.step_scale_share = 1e-9;

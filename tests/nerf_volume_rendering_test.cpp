@@ -81,7 +81,9 @@ RayCase MakeRay(std::uint64_t seed, int n, double depth_scale) {
   return ray;
 }
 
-double LossOf(const RayCase& ray, std::vector<double>* logit_gradients, std::vector<double>* log_sigma_gradients) {
+double LossOf(const RayCase& ray,
+              std::vector<double>* logit_gradients,
+              std::vector<double>* log_sigma_gradients) {
   const int n = static_cast<int>(ray.delta.size());
   std::vector<double> tau, weights(ray.delta.size()), rgb;
   for (std::size_t i = 0; i < ray.delta.size(); ++i) tau.push_back(std::exp(ray.log_sigma[i]) * ray.delta[i]);
@@ -91,7 +93,16 @@ double LossOf(const RayCase& ray, std::vector<double>* logit_gradients, std::vec
   logit_gradients->resize(ray.logits.size());
   log_sigma_gradients->resize(tau.size());
   double squared_error;
-  return CompositeLoss(n, tau.data(), weights.data(), rgb.data(), end, ray.target, 1.0, logit_gradients->data(), log_sigma_gradients->data(), &squared_error);
+  return CompositeLoss(n,
+                       tau.data(),
+                       weights.data(),
+                       rgb.data(),
+                       end,
+                       ray.target,
+                       1.0,
+                       logit_gradients->data(),
+                       log_sigma_gradients->data(),
+                       &squared_error);
 }
 
 TEST(VolumeRendering, GradientsEqualCentralDifferences) {
@@ -128,7 +139,8 @@ TEST(VolumeRendering, LossIsTheMeanOverRandomBackgrounds) {
   const double end = Transmittance(10, tau.data(), weights.data());
   double colour[3] = {};
   for (std::size_t i = 0; i < 10; ++i) {
-    for (std::size_t j = 0; j < 3; ++j) colour[j] += weights[i] * -std::expm1(-tau[i]) / (1 + std::exp(-ray.logits[3 * i + j]));
+    for (std::size_t j = 0; j < 3; ++j)
+      colour[j] += weights[i] * -std::expm1(-tau[i]) / (1 + std::exp(-ray.logits[3 * i + j]));
   }
   double mean = 0;
   constexpr int kDraws = 200000;
@@ -136,7 +148,8 @@ TEST(VolumeRendering, LossIsTheMeanOverRandomBackgrounds) {
   for (int d = 0; d < kDraws; ++d) {
     for (int j = 0; j < 3; ++j) {
       const double background = random.Uniform();
-      const double error = colour[j] + end * background - ray.target.premultiplied[j] - (1 - ray.target.alpha) * background;
+      const double error =
+          colour[j] + end * background - ray.target.premultiplied[j] - (1 - ray.target.alpha) * background;
       mean += 0.5 * error * error / kDraws;
     }
   }
@@ -153,7 +166,8 @@ TEST(VolumeRendering, OpaqueAndTransparentExtremesHaveFiniteGradients) {
   }
 }
 
-// Quadrature order on a smooth medium: colour 0.5 + 0.5 sin 3t seen through a Gaussian blob, against a fine reference.
+// Quadrature order on a smooth medium: colour 0.5 + 0.5 sin 3t seen through a Gaussian blob, against a fine
+// reference.
 TEST(VolumeRendering, MidpointRuleIsSecondOrderOnASmoothMedium) {
   const auto render = [](int n) {
     std::vector<double> tau(static_cast<std::size_t>(n)), transmittance(tau.size());
@@ -166,7 +180,8 @@ TEST(VolumeRendering, MidpointRuleIsSecondOrderOnASmoothMedium) {
     double colour = 0;
     for (int i = 0; i < n; ++i) {
       const double t = 2 + (i + 0.5) * delta;
-      colour += transmittance[static_cast<std::size_t>(i)] * -std::expm1(-tau[static_cast<std::size_t>(i)]) * (0.5 + 0.5 * std::sin(3 * t));
+      colour += transmittance[static_cast<std::size_t>(i)] * -std::expm1(-tau[static_cast<std::size_t>(i)]) *
+                (0.5 + 0.5 * std::sin(3 * t));
     }
     return colour;
   };

@@ -19,8 +19,9 @@ const Kernels* FindKernels(const char* name) {
   if (std::strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
     return &kAvx2Kernels;
   }
-  if (std::strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma")) {
+  if (std::strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f") &&
+      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma")) {
     return &kAvx512Kernels;
   }
 #endif
@@ -28,7 +29,7 @@ const Kernels* FindKernels(const char* name) {
 }
 
 const Kernels& ActiveKernels() {
-  static const Kernels& active = [] () -> const Kernels& {
+  static const Kernels& active = []() -> const Kernels& {
     if (const char* wanted = std::getenv("PIPELINE_SIMD")) {
       if (const Kernels* found = FindKernels(wanted)) return *found;
     }

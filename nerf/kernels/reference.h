@@ -1,5 +1,5 @@
-// The plain twin of every kernel in kernels.h: the shortest correct loops, templated on the scalar (double: the oracle
-// of the tests). Layouts and meanings are those of kernels.h.
+// The plain twin of every kernel in kernels.h: the shortest correct loops, templated on the scalar (double:
+// the oracle of the tests). Layouts and meanings are those of kernels.h.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 
 namespace nerf::kernels::reference {
 
-// Entry and trilinear weight of corner c = 0..7 (x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)) of the cell that holds
-// the position.
+// Entry and trilinear weight of corner c = 0..7 (x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)) of the cell
+// that holds the position.
 template <typename Scalar>
 void Corner(const GridLevel& level, Scalar x, Scalar y, Scalar z, int c, std::size_t* entry, Scalar* weight) {
   const Scalar position[3] = {x, y, z};
@@ -31,7 +31,14 @@ void Corner(const GridLevel& level, Scalar x, Scalar y, Scalar z, int c, std::si
 }
 
 template <typename Scalar>
-void Encode(const GridLevel& level, const Scalar* table, const Scalar* x, const Scalar* y, const Scalar* z, int n, Scalar* features, int row_stride) {
+void Encode(const GridLevel& level,
+            const Scalar* table,
+            const Scalar* x,
+            const Scalar* y,
+            const Scalar* z,
+            int n,
+            Scalar* features,
+            int row_stride) {
   for (int i = 0; i < n; ++i) {
     for (int f = 0; f < kFeatures; ++f) {
       Scalar sum = 0;
@@ -47,21 +54,29 @@ void Encode(const GridLevel& level, const Scalar* table, const Scalar* x, const 
 }
 
 template <typename Scalar>
-void Scatter(const GridLevel& level, const Scalar* feature_gradients, const Scalar* x, const Scalar* y, const Scalar* z, int n, Scalar* table_gradient) {
+void Scatter(const GridLevel& level,
+             const Scalar* feature_gradients,
+             const Scalar* x,
+             const Scalar* y,
+             const Scalar* z,
+             int n,
+             Scalar* table_gradient) {
   for (int i = 0; i < n; ++i) {
     for (int c = 0; c < 8; ++c) {
       std::size_t entry;
       Scalar weight;
       Corner(level, x[i], y[i], z[i], c, &entry, &weight);
       for (std::size_t f = 0; f < kFeatures; ++f) {
-        table_gradient[entry * kFeatures + f] += weight * feature_gradients[static_cast<std::size_t>(i) * kFeatures + f];
+        table_gradient[entry * kFeatures + f] +=
+            weight * feature_gradients[static_cast<std::size_t>(i) * kFeatures + f];
       }
     }
   }
 }
 
 template <typename Scalar>
-void Matmul(int n, int k, int m, const Scalar* x, const Scalar* w, Epilogue epilogue, const Scalar* mask, Scalar* y) {
+void Matmul(
+    int n, int k, int m, const Scalar* x, const Scalar* w, Epilogue epilogue, const Scalar* mask, Scalar* y) {
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < m; ++j) {
       Scalar sum = 0;
@@ -93,7 +108,13 @@ void Head(int n, int k, const Scalar* x, const Scalar* w, Scalar* logits) {
 }
 
 template <typename Scalar>
-void HeadGradient(int n, int k, const Scalar* x, const Scalar* w, const Scalar* logit_gradients, Scalar* x_gradient, Scalar* w_gradient) {
+void HeadGradient(int n,
+                  int k,
+                  const Scalar* x,
+                  const Scalar* w,
+                  const Scalar* logit_gradients,
+                  Scalar* x_gradient,
+                  Scalar* w_gradient) {
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < k; ++j) {
       Scalar sum = 0;
