@@ -10,8 +10,8 @@ namespace nerf {
 namespace {
 
 // Sampling interval, in pixel footprints. Unbounded scenes are crossed along much longer paths, mostly
-// through thin leftovers; doubling their interval buys 2.5 times as many rays per second.
-constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 3.0;
+// through thin leftovers; longer intervals buy more rays.
+constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
 constexpr double kFinestCellPixels = 0.67;
 constexpr int kLog2HashmapSize = 18;
 constexpr int kGridResolution = 128;
@@ -28,24 +28,47 @@ double PixelFootprint(const io::Scene& scene, const Eigen::Vector3d& centre) {
   return *middle;
 }
 
-// Half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies nearer, and
-// density close to a lens would be fitted to that one view only. Without points, a tenth of scene.near.
-double NearLimit(const io::Scene& scene) {
-  std::vector<double> distances;
+// The value below which the given share of the (unsorted) values lies.
+double Quantile(std::vector<double>* values, double share) {
+  const auto at =
+      values->begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values->size() - 1));
+  std::nth_element(values->begin(), at, values->end());
+  return *at;
+}
+
+// What the sparse points say about an unbounded scene.
+struct PointExtent {
+  double near, far;  // distances from the cameras between which everything visible lies
+  double half;  // half side of the cube, around the centre of the region of interest, to model undistorted
+};
+
+// near is half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies
+// nearer, and density close to a lens would be fitted to that one view only. far is three times the farthest
+// thousandth: content at infinity, put there, moves by a third of the parallax of the farthest point. The
+// cube holds 90 % of the points, within one to two times the region of interest, since resolution is shared
+// by all that it holds.
+PointExtent ExtentOf(const io::Scene& scene, const SpaceMap& map) {
+  std::vector<double> distances, reaches;
   for (const io::Frame& frame : scene.frames) {
     const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
     const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
     for (const io::Point3D& point : scene.points) {
       const Eigen::Vector3d x = cam_from_world * point.xyz;
       const auto xy = io::ImgFromCam(camera, x);
-      if (xy && xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height)
+      if (xy && xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height) {
         distances.push_back(x.norm());
+      }
     }
   }
-  if (distances.empty()) return 0.1 * scene.near;
-  const auto low = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 1000);
-  std::nth_element(distances.begin(), low, distances.end());
-  return std::clamp(0.5 * *low, 0.01 * scene.near, scene.near);
+  const double half = map.half;
+  if (distances.empty()) return {0.1 * scene.near, 32 * half, half};
+  for (const io::Point3D& point : scene.points) {
+    const Eigen::Vector3f x = point.xyz.cast<float>();
+    reaches.push_back(map.Reach(x.data()));
+  }
+  return {std::clamp(0.5 * Quantile(&distances, 0.001), 0.01 * scene.near, scene.near),
+          std::max(3 * Quantile(&distances, 0.999), 2 * scene.far),
+          half * std::clamp(Quantile(&reaches, 0.9), 1.0, 2.0)};
 }
 
 }  // namespace
@@ -59,6 +82,11 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   const bool has_alpha = dataset.channels == 4;
   SpaceMap map = SpaceMap::FromScene(scene, !has_alpha);
   const int grid_resolution = options.grid_resolution ? options.grid_resolution : kGridResolution;
+  PointExtent extent = {};
+  if (map.unbounded) {
+    extent = ExtentOf(scene, map);
+    map.half = static_cast<float>(extent.half);
+  }
   if (has_alpha) {
     OccupancyGrid hull(kHullResolution, map);
     const std::array<float, 6> box = CarveByMasks(scene, dataset, map, workers, &hull);
@@ -76,11 +104,10 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   SamplerOptions sampling;
   if (map.unbounded) {
     const double distance = 0.5 * (scene.near + scene.far);
-    sampling.near = static_cast<float>(NearLimit(scene));
+    sampling.near = static_cast<float>(extent.near);
+    sampling.far = static_cast<float>(extent.far);
     sampling.cone_angle = static_cast<float>(kUnboundedIntervalPixels * footprint / distance);
     sampling.step_size = 0.5f * static_cast<float>(kUnboundedIntervalPixels * footprint);
-    // Beyond, one grid cell holds everything up to infinity.
-    sampling.far = map.half * static_cast<float>(grid_resolution) / 2;
   } else {
     sampling.near = static_cast<float>(0.5 * scene.near);
     sampling.far = static_cast<float>(scene.far);

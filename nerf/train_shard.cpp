@@ -14,8 +14,6 @@ constexpr int kChunkRows = 512;
 // Samples a ray contributes to one wave before its transmittance is looked at: what is marched and encoded in
 // vain behind a surface is at most one wave.
 constexpr int kWaveSamples = 16;
-// Training follows light down to 1e-3 only: the rest counts as background in the loss, which closes it.
-const float kEarlyStopDepth = -std::log(1e-3f);
 
 PixelTarget TargetOf(const Dataset& dataset, std::size_t pixel) {
   const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
@@ -94,7 +92,7 @@ bool MarchWave(const HashField& field,
       scratch->kept_features.insert(scratch->kept_features.end(), row, row + HashField::kInputs);
       ++ray.n_kept;
       ray.optical_depth += rows.sigma[i] * wave.delta[i];
-      if (ray.optical_depth > kEarlyStopDepth) {
+      if (ray.optical_depth > plan.early_stop_depth) {
         ray.marching = false;
         break;
       }

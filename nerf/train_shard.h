@@ -18,8 +18,10 @@ inline constexpr int kShards = 16;
 
 struct BatchPlan {
   std::uint64_t seed = 0, step = 0;
-  int n_rays = 0;          // of the whole batch
-  float step_scale = 1;    // of the sampler's intervals
+  int n_rays = 0;        // of the whole batch
+  float step_scale = 1;  // of the sampler's intervals
+  float early_stop_depth =
+      6.9f;                // optical depth at which a ray ends; the light left over counts as background
   int max_samples = 1024;  // per ray; what lies behind is treated as background
 };
 

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <limits>
 
-#include "io/atomic_file.h"
 #include "io/check.h"
 #include "io/interrupt.h"
 #include "io/progress.h"
@@ -21,6 +20,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+// Training follows a ray to a transmittance of 1e-3; in unbounded scenes, where thin leftovers behind the
+// surfaces would take most of the samples, to 2e-2. The loss closes what is left.
+constexpr float kEarlyStopDepth = 6.9f, kUnboundedEarlyStopDepth = 3.9f;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 constexpr int kRebuildEvery = 16;  // steps between rebuilds of the occupancy grid
 // At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every one
@@ -56,6 +58,7 @@ class Trainer {
         workers_(options.threads),
         dataset_(LoadDataset(scene, options.threads)),
         monitor_(heldout, options.threads),
+        curve_(folder / "curve.csv"),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(options.threads)) {}
 
@@ -80,10 +83,10 @@ class Trainer {
   HeldoutMonitor monitor_;
   std::unique_ptr<SceneField> scene_field_;
   TrainState state_;
+  TrainingCurve curve_;
   std::vector<ShardResult> shards_;
   std::vector<ShardScratch> scratch_;
   TrainReport report_;
-  std::string curve_;  // text of curve.csv
   double loss_ = 0, opacity_ = 0;
   double constant_squared_error_ = 0;
   std::vector<std::uint32_t> candidates_;  // cells that may hold something
@@ -91,10 +94,9 @@ class Trainer {
 };
 
 void Trainer::Begin() {
-  const std::filesystem::path checkpoint = folder_ / "checkpoint.bin", curve = folder_ / "curve.csv";
+  const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   if (std::filesystem::exists(checkpoint)) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);
-    if (std::filesystem::exists(curve)) curve_ = io::ReadFile(curve);
     report_.events.push_back("resumed at step " + std::to_string(state_.step));
   } else {
     state_.seed = options_.seed;
@@ -102,7 +104,6 @@ void Trainer::Begin() {
     scene_field_ =
         MakeSceneField(scene_, dataset_, options_.field, state_.seed, &workers_, &report_.derivation);
   }
-  if (curve_.empty()) curve_ = "step,wall_s,cpu_s,loss,train_psnr,heldout_psnr\n";
   constant_squared_error_ = ConstantSquaredError(dataset_);
   candidates_ = scene_field_->grid.Candidates();
 }
@@ -117,6 +118,7 @@ void Trainer::Step(double progress) {
   BatchPlan plan{.seed = state_.seed, .step = state_.step, .n_rays = state_.n_rays};
   const double share = std::min(1.0, progress / options_.step_scale_share);
   plan.step_scale = static_cast<float>(std::pow(options_.first_step_scale, 1.0 - share));
+  plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
   workers_.Run(kShards, [&](int shard, int thread) {
     TrainShard(dataset_,
@@ -255,24 +257,14 @@ void Trainer::Monitor(double elapsed_s) {
   point.train_psnr = -10 * std::log10(std::max(state_.squared_error, 1e-12));
   point.heldout_psnr = monitor_.Psnr(*scene_field_, &workers_);
   report_.curve.push_back(point);
-  char line[200];
-  std::snprintf(line,
-                sizeof line,
-                "%llu,%.3f,%.3f,%.6g,%.3f,%.3f\n",
-                static_cast<unsigned long long>(point.step),
-                point.wall_s,
-                point.cpu_s,
-                point.loss,
-                point.train_psnr,
-                point.heldout_psnr);
-  curve_ += line;
+  curve_.Add(point);
   report_.heldout_psnr = point.heldout_psnr;
 }
 
 void Trainer::Save(double elapsed_s) {
   state_.elapsed_s = elapsed_s;
   WriteCheckpoint(folder_ / "checkpoint.bin", scene_field_.get(), state_);
-  io::WriteFileAtomically(folder_ / "curve.csv", curve_);
+  curve_.Write();
 }
 
 TrainReport Trainer::Run() {
@@ -314,11 +306,11 @@ TrainReport Trainer::Run() {
       last_rate_s = now;
       last_rate_rays = n_rays_;
       char note[120];
+      const double train_db = -10 * std::log10(std::max(state_.squared_error, 1e-12));
       std::snprintf(note,
                     sizeof note,
-                    "step %llu  train %.2f dB  held-out %.2f dB  %.0f k rays/s",
-                    static_cast<unsigned long long>(state_.step),
-                    -10 * std::log10(std::max(state_.squared_error, 1e-12)),
+                    "train %.2f dB  held-out %.2f dB  %.0f k rays/s",
+                    train_db,
                     report_.heldout_psnr,
                     rays_per_s / 1e3);
       bar.Update(Progress(now), note);

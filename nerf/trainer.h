@@ -8,6 +8,7 @@
 
 #include "io/scene.h"
 #include "nerf/scene_field.h"
+#include "nerf/training_curve.h"
 
 namespace nerf {
 
@@ -24,13 +25,6 @@ struct TrainOptions {
   double step_scale_share = 0.3;      // ... and shrink to 1 within this share of the run
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
-};
-
-struct CurvePoint {
-  std::uint64_t step = 0;
-  double wall_s = 0, cpu_s = 0;
-  double loss = 0, train_psnr = 0,
-         heldout_psnr = 0;  // held-out: 8192 fixed random pixels of the held-out pictures
 };
 
 struct TrainReport {
