@@ -5,6 +5,7 @@
 
 #include "io/atomic_file.h"
 #include "io/error.h"
+#include "pipeline/run_input.h"
 #include "pipeline/stage.h"
 #include "pipeline/stages.h"
 
@@ -60,12 +61,6 @@ std::string FramesJson(const IngestReport& report) {
     json["dropped"].push_back({{"source", picture.source}, {"reason", picture.reason}});
   }
   return json.dump(1) + "\n";
-}
-
-// A name without a trailing slash, so that ".run" can follow it.
-fs::path DefaultRunFolder(const fs::path& input) {
-  const fs::path path = fs::absolute(input).lexically_normal();
-  return (path.has_filename() ? path : path.parent_path()).string() + ".run";
 }
 
 void Ingest(int argc, const char* const* argv) {

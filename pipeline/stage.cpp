@@ -122,7 +122,11 @@ StageRun::StageRun(const std::string& stage_name,
   partial_ = run_folder_ / ("." + folder + ".partial");
   key_file_ = run_folder_ / ("." + folder + ".key");
   for (const fs::path& input : inputs) {
-    if (!fs::exists(input)) throw Error(ExitCode::kBadInput, input.string() + ": no such file or folder");
+    if (!fs::exists(input)) {
+      throw Error(ExitCode::kBadInput,
+                  input.string() + ": no such file or folder",
+                  "Run the stages before `" + stage_name + "` first, or `pipeline run`");
+    }
   }
   lock_ = std::make_unique<FolderLock>(run_folder_, "stage");
 

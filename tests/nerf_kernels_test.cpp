@@ -205,7 +205,9 @@ TEST_P(GridKernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntr
   }
   for (std::size_t i = 0; i < n; ++i) {
     ASSERT_NEAR(values[i], exact[i], 1e-5);
-    if (i % 3 == 0 || (i >= 32 && i < 96)) ASSERT_EQ(values[i], start[i]);
+    if (i % 3 == 0 || (i >= 32 && i < 96)) {
+      ASSERT_EQ(values[i], start[i]);
+    }
   }
 }
 

@@ -132,7 +132,9 @@ TEST(Sampler, IntervalsDoNotOverlapAndCoverAFullGrid) {
   double length = 0;
   for (std::size_t i = 0; i < samples.delta.size(); ++i) {
     length += samples.delta[i];
-    if (i > 0) ASSERT_NEAR(samples.t[i] - samples.t[i - 1], samples.delta[i], 1e-5);
+    if (i > 0) {
+      ASSERT_NEAR(samples.t[i] - samples.t[i - 1], samples.delta[i], 1e-5);
+    }
   }
   EXPECT_NEAR(length, 3, 0.011);
 }
