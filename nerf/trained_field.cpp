@@ -6,9 +6,8 @@
 namespace nerf {
 namespace {
 
-// Bounded scenes are rendered with half the training interval (see ray_renderer.h); along the long rays of
-// unbounded ones it is worth less than 0.1 dB.
-constexpr float kStepScale = 0.5f, kUnboundedStepScale = 1.f;
+// Pictures are rendered with half the training interval (see ray_renderer.h).
+constexpr float kStepScale = 0.5f;
 // Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
 constexpr float kUnseenGrey = 0.5f;
 
@@ -28,8 +27,7 @@ class HashTrainedField : public TrainedField {
       for (int x = 0; x < camera.width; ++x) rays.push_back(ray_camera.RayThrough(x, y));
     }
     Workers workers(options.threads);
-    const float step_scale = scene_field_->map.unbounded ? kUnboundedStepScale : kStepScale;
-    const std::vector<RenderedRay> rendered = RenderRays(*scene_field_, rays, step_scale, &workers);
+    const std::vector<RenderedRay> rendered = RenderRays(*scene_field_, rays, kStepScale, &workers);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
     for (const RenderedRay& ray : rendered) {
       for (std::size_t j = 0; j < 3; ++j) {

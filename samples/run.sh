@@ -17,7 +17,7 @@ if [ -d "$capture/photos" ]; then
 else
   build/release/bin/make_capture --out "$capture"
 fi
-build/release/bin/pipeline run "$capture/photos" --out "$capture/run" --time 3m
+build/release/bin/pipeline run "$capture/photos" --out "$capture/run" --time 4m
 
 for product in "$capture/run/render/novel_view.mp4" "$capture/run/report.html"; do
   [ -s "$product" ] || { echo "samples/run.sh: $product is missing" >&2; exit 70; }
