@@ -6,8 +6,6 @@
 namespace nerf {
 namespace {
 
-// Pictures are rendered with half the training interval (see ray_renderer.h).
-constexpr float kStepScale = 0.5f;
 // Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
 constexpr float kUnseenGrey = 0.5f;
 
@@ -27,7 +25,7 @@ class HashTrainedField : public TrainedField {
       for (int x = 0; x < camera.width; ++x) rays.push_back(ray_camera.RayThrough(x, y));
     }
     Workers workers(options.threads);
-    const std::vector<RenderedRay> rendered = RenderRays(*scene_field_, rays, kStepScale, &workers);
+    const std::vector<RenderedRay> rendered = RenderRays(*scene_field_, rays, options.step_scale, &workers);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
     for (const RenderedRay& ray : rendered) {
       for (std::size_t j = 0; j < 3; ++j) {

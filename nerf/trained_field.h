@@ -12,6 +12,9 @@ namespace nerf {
 
 struct RenderOptions {
   int threads = 1;
+  // Sampling interval, as a share of the one in training. Half of it is worth 0.2 to 0.7 dB for twice the
+  // samples.
+  float step_scale = 0.5f;
   // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
   // background is free. Captures have learned their background.
   std::array<float, 3> background = {1, 1, 1};

@@ -76,6 +76,7 @@ Film RenderFilm(const nerf::TrainedField& field,
 
   const fs::path frames = folder / "frames", depth_frames = folder / "depth_frames";
   nerf::RenderOptions render_options;
+  render_options.step_scale = 1;  // in motion the finer interval is not seen, and it would double the wait
   render_options.threads = options.threads;
   io::Progress progress("render: film");
   std::chrono::duration<double> render_time(0);
