@@ -56,7 +56,7 @@ class OccupancyGrid {
   void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
   bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
 
-  // Recomputes distances from densities. Costs about 2 ms for 128^3 cells.
+  // Recomputes distances from densities.
   void Rebuild();
   double OccupiedShare() const { return occupied_share_; }
 

@@ -15,8 +15,8 @@ struct RenderedRay {
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
 };
 
-// step_scale shortens the sampling intervals; half the training interval is worth 0.3 dB and costs twice the
-// samples. Results do not depend on the number of workers.
+// step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h).
+// Results do not depend on the number of workers.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
                                     float step_scale,

@@ -36,10 +36,10 @@ struct SceneFieldOptions {
 
 // Sizes the field by what the scene needs (the derivation is returned as one line of text):
 //   pixel footprint p = distance to the centre of the region of interest / focal length (median over views)
-//   intervals   1.5 p (bounded), growing with distance beyond the centre (unbounded)
+//   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
 //   finest grid cells of 2/3 p; coarsest 16 per axis; tables of 2^18 entries per level
-// Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around
-// scene.aabb.
+// Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around a
+// cube of one to two times scene.aabb that holds 90 % of the sparse points.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,
