@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cstring>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "io/atomic_file.h"
@@ -15,20 +16,31 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP1";
+constexpr char kMagic[] = "NERFCKP2";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
 constexpr std::size_t kMaxFile = std::size_t{8} << 30;
 static_assert(std::endian::native == std::endian::little, "tensors are stored little endian");
 
-std::vector<HashField::Tensor> Tensors(SceneField* scene_field) {
-  std::vector<HashField::Tensor> tensors = scene_field->field.State();
-  tensors.push_back({"occupancy", &scene_field->grid.density()});
-  return tensors;
-}
+// An array as it lies in the file.
+struct Entry {
+  std::string name;
+  char* data;
+  std::size_t bytes;
+  std::string_view view() const { return {data, bytes}; }
+};
 
-std::string_view Bytes(const std::vector<float>& values) {
-  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)};
+std::vector<Entry> Entries(SceneField* scene_field) {
+  std::vector<Entry> entries;
+  const auto add = [&](const std::string& name, auto* values) {
+    entries.push_back(
+        {name, reinterpret_cast<char*>(values->data()), values->size() * sizeof(*values->data())});
+  };
+  for (const Tensor& tensor : scene_field->field->State()) add(tensor.name, tensor.values);
+  add("occupancy", &scene_field->grid.density());
+  // Rebuilt only every few steps, so not a function of the densities at this one.
+  add("occupancy_distance", &scene_field->grid.distance());
+  return entries;
 }
 
 [[noreturn]] void Reject(const std::filesystem::path& path, const std::string& why) {
@@ -46,12 +58,47 @@ T Get(const std::filesystem::path& path, const Json& json, const char* key, T lo
   return it->get<T>();
 }
 
+// Header of a checkpoint whose text is `file`, at least up to the header's end.
+Json ParseHeader(const std::filesystem::path& path, const std::string& file, std::size_t* tensors_at) {
+  if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0)
+    Reject(path, "is not a checkpoint of this version");
+  std::uint32_t length;
+  std::memcpy(&length, file.data() + kMagicSize, 4);
+  if (length > kMaxHeader || length > file.size() - kPrefix) Reject(path, "is cut off in its header");
+  const std::string text = file.substr(kPrefix, length);
+  if (file.compare(kMagicSize + 4, kHashSize, io::HashBytes(text)) != 0) Reject(path, "header hash differs");
+  Json header = Json::parse(text, nullptr, false);
+  if (header.is_discarded() || !header.is_object()) Reject(path, "header is not JSON");
+  *tensors_at = kPrefix + length;
+  return header;
+}
+
+std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, const Json& header) {
+  const std::string kind = header.value("field", "");
+  const Json& config = header["config"];
+  if (kind == "hash") {
+    return std::make_unique<HashField>(
+        HashFieldOptions{.n_levels = Get(path, config, "n_levels", 8, 8),
+                         .log2_hashmap_size = Get(path, config, "log2_hashmap_size", 1, 24),
+                         .base_resolution = Get(path, config, "base_resolution", 1, 1024),
+                         .finest_resolution = Get(path, config, "finest_resolution", 1, 1 << 20)},
+        0);
+  }
+  if (kind != "nerf") Reject(path, "holds a field of unknown kind '" + kind + "'");
+  FieldConfig values;
+  if (config.is_object()) {
+    for (const auto& [key, value] : config.items()) {
+      if (value.is_number()) values[key] = value.get<double>();
+    }
+  }
+  return std::make_unique<NerfField>(values);
+}
+
 }  // namespace
 
 void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state) {
   const SpaceMap& map = scene_field->map;
   const SamplerOptions& sampling = scene_field->sampler_options;
-  const HashFieldOptions& field = scene_field->field.options();
   Json header;
   header["map"] = {{"x", map.centre[0]},
                    {"y", map.centre[1]},
@@ -61,11 +108,10 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
   header["sampling"] = {{"near", sampling.near},
                         {"far", sampling.far},
                         {"step_size", sampling.step_size},
-                        {"cone_angle", sampling.cone_angle}};
-  header["field"] = {{"n_levels", field.n_levels},
-                     {"log2_hashmap_size", field.log2_hashmap_size},
-                     {"base_resolution", field.base_resolution},
-                     {"finest_resolution", field.finest_resolution}};
+                        {"cone_angle", sampling.cone_angle},
+                        {"scene_units", sampling.scene_units ? 1 : 0}};
+  header["field"] = scene_field->field->kind();
+  header["config"] = scene_field->field->Config();
   header["grid_resolution"] = scene_field->grid.resolution();
   header["state"] = {{"seed", state.seed},
                      {"step", state.step},
@@ -77,11 +123,10 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                      {"squared_error", state.squared_error},
                      {"channels", state.channels}};
   std::size_t size = kPrefix;
-  for (const auto& tensor : Tensors(scene_field)) {
-    header["tensors"].push_back({{"name", tensor.name},
-                                 {"count", tensor.values->size()},
-                                 {"hash", io::HashBytes(Bytes(*tensor.values))}});
-    size += tensor.values->size() * sizeof(float);
+  for (const Entry& entry : Entries(scene_field)) {
+    header["tensors"].push_back(
+        {{"name", entry.name}, {"bytes", entry.bytes}, {"hash", io::HashBytes(entry.view())}});
+    size += entry.bytes;
   }
   const std::string text = header.dump();
   const auto length = static_cast<std::uint32_t>(text.size());
@@ -91,23 +136,15 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
       .append(reinterpret_cast<const char*>(&length), 4)
       .append(io::HashBytes(text))
       .append(text);
-  for (const auto& tensor : Tensors(scene_field)) file.append(Bytes(*tensor.values));
+  for (const Entry& entry : Entries(scene_field)) file.append(entry.view());
   io::WriteFileAtomically(path, file);
 }
 
 std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state) {
   const std::string file = io::ReadFile(path, kMaxFile);
-  if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0)
-    Reject(path, "is not a checkpoint of this version");
-  std::uint32_t length;
-  std::memcpy(&length, file.data() + kMagicSize, 4);
-  if (length > kMaxHeader || length > file.size() - kPrefix) Reject(path, "is cut off in its header");
-  const std::string text = file.substr(kPrefix, length);
-  if (file.compare(kMagicSize + 4, kHashSize, io::HashBytes(text)) != 0) Reject(path, "header hash differs");
-  const Json header = Json::parse(text, nullptr, false);
-  if (header.is_discarded()) Reject(path, "header is not JSON");
-
-  const Json &m = header["map"], &s = header["sampling"], &f = header["field"], &t = header["state"];
+  std::size_t at = 0;
+  Json header = ParseHeader(path, file, &at);
+  const Json &m = header["map"], &s = header["sampling"], &t = header["state"];
   constexpr float kHuge = 1e30f;
   SpaceMap map;
   map.centre = {
@@ -117,11 +154,8 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   const SamplerOptions sampling{.near = Get(path, s, "near", 0.f, kHuge),
                                 .far = Get(path, s, "far", 0.f, kHuge),
                                 .step_size = Get(path, s, "step_size", 1e-30f, kHuge),
-                                .cone_angle = Get(path, s, "cone_angle", 0.f, kHuge)};
-  const HashFieldOptions options{.n_levels = Get(path, f, "n_levels", 8, 8),
-                                 .log2_hashmap_size = Get(path, f, "log2_hashmap_size", 1, 24),
-                                 .base_resolution = Get(path, f, "base_resolution", 1, 1024),
-                                 .finest_resolution = Get(path, f, "finest_resolution", 1, 1 << 20)};
+                                .cone_angle = Get(path, s, "cone_angle", 0.f, kHuge),
+                                .scene_units = Get(path, s, "scene_units", 0, 1) == 1};
   const int grid_resolution = Get(path, header, "grid_resolution", 64, 512);
   state->seed = Get<std::uint64_t>(path, t, "seed", 0, ~0ull);
   state->step = Get<std::uint64_t>(path, t, "step", 0, ~0ull);
@@ -133,28 +167,33 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->squared_error = Get(path, t, "squared_error", -1.0, 1e12);
   state->channels = Get(path, t, "channels", 3, 4);
 
-  auto scene_field = std::make_unique<SceneField>(map, sampling, options, grid_resolution, 0);
-  std::size_t at = kPrefix + length, index = 0;
-  const auto tensors = Tensors(scene_field.get());
-  if (!header["tensors"].is_array() || header["tensors"].size() != tensors.size())
+  auto scene_field = std::make_unique<SceneField>(map, sampling, MakeField(path, header), grid_resolution);
+  std::size_t index = 0;
+  const std::vector<Entry> entries = Entries(scene_field.get());
+  if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())
     Reject(path, "header lists other tensors");
-  for (const auto& tensor : tensors) {
-    const Json& entry = header["tensors"][index++];
-    const std::size_t bytes = tensor.values->size() * sizeof(float);
-    if (entry.value("name", "") != tensor.name ||
-        entry.value("count", std::size_t{0}) != tensor.values->size()) {
-      Reject(path, std::string("tensor ") + tensor.name + " has another size");
-    }
-    if (file.size() - at < bytes) Reject(path, std::string("is cut off in tensor ") + tensor.name);
-    std::memcpy(tensor.values->data(), file.data() + at, bytes);
-    if (entry.value("hash", "") != io::HashBytes(Bytes(*tensor.values)))
-      Reject(path, std::string("hash of tensor ") + tensor.name + " differs");
-    at += bytes;
+  for (const Entry& entry : entries) {
+    const Json& listed = header["tensors"][index++];
+    if (listed.value("name", "") != entry.name || listed.value("bytes", std::size_t{0}) != entry.bytes)
+      Reject(path, "tensor " + entry.name + " has another size");
+    if (file.size() - at < entry.bytes) Reject(path, "is cut off in tensor " + entry.name);
+    std::memcpy(entry.data, file.data() + at, entry.bytes);
+    if (listed.value("hash", "") != io::HashBytes(entry.view()))
+      Reject(path, "hash of tensor " + entry.name + " differs");
+    at += entry.bytes;
   }
   if (at != file.size()) Reject(path, "has bytes after its last tensor");
-  scene_field->field.RefreshTransposes();
-  scene_field->grid.Rebuild();
+  scene_field->field->Refresh();
   return scene_field;
+}
+
+std::string CheckpointField(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string start(kPrefix + kMaxHeader, '\0');
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(in.gcount()));
+  std::size_t at = 0;
+  return ParseHeader(path, start, &at).value("field", "");
 }
 
 }  // namespace nerf

@@ -1,7 +1,7 @@
 // The state of a training run in one file: field, Adam moments, occupancy, schedule. Our own format, without
 // code:
-//   8 bytes magic "NERFCKP1", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw float32
-//   tensors.
+//   8 bytes magic "NERFCKP2", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
+//   tensors (float32, and bytes for the occupancy grid's distances).
 // The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
 // length field.
 #pragma once
@@ -29,5 +29,8 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
 
 // Throws kBadState naming the check that failed: length, magic, header, tensor sizes, hashes.
 std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state);
+
+// The kind of field in a checkpoint, "hash" or "nerf", from its header alone. Throws as ReadCheckpoint.
+std::string CheckpointField(const std::filesystem::path& path);
 
 }  // namespace nerf

@@ -11,15 +11,15 @@ namespace nerf {
 using io::Error;
 using io::ExitCode;
 
-RayCamera::RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam) {
+RayCamera::RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam, double pixel_offset) {
   if (camera.HasDistortion()) {
     throw Error(
         ExitCode::kBadInput, "camera has lens distortion", "Run `pipeline normalize`, which undistorts");
   }
   inv_fl_x_ = static_cast<float>(1.0 / camera.fl_x);
   inv_fl_y_ = static_cast<float>(1.0 / camera.fl_y);
-  cx_ = static_cast<float>(camera.cx);
-  cy_ = static_cast<float>(camera.cy);
+  cx_ = static_cast<float>(camera.cx - (pixel_offset - 0.5));
+  cy_ = static_cast<float>(camera.cy - (pixel_offset - 0.5));
   for (int i = 0; i < 3; ++i) {
     origin_[i] = static_cast<float>(world_from_cam.translation[i]);
     for (int j = 0; j < 3; ++j) rotation_[3 * i + j] = static_cast<float>(world_from_cam.rotation(i, j));
@@ -46,7 +46,7 @@ const View& Dataset::ViewOf(std::size_t pixel) const {
            1);
 }
 
-Dataset LoadDataset(const io::Scene& scene, int threads) {
+Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
   const std::size_t n = scene.frames.size();
   if (n == 0) throw Error(ExitCode::kBadInput, "the scene has no pictures");
   std::vector<io::Image> images(n);
@@ -83,7 +83,8 @@ Dataset LoadDataset(const io::Scene& scene, int threads) {
     }
     dataset.views.push_back(
         {frame.image_path.stem().string(),
-         RayCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], frame.world_from_cam),
+         RayCamera(
+             scene.cameras[static_cast<std::size_t>(frame.camera_index)], frame.world_from_cam, pixel_offset),
          image.width,
          image.height,
          dataset.n_pixels()});

@@ -18,8 +18,8 @@ struct Ray {
 // A pinhole camera in float, ready to shoot rays. Throws kBadInput for a camera with distortion.
 class RayCamera {
  public:
-  RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam);
-  // Ray through the centre of pixel (x, y), that is (x + 0.5, y + 0.5).
+  RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam, double pixel_offset = 0.5);
+  // Ray through (x + pixel_offset, y + pixel_offset): by default the centre of pixel (x, y).
   Ray RayThrough(int x, int y) const;
 
  private:
@@ -46,6 +46,6 @@ struct Dataset {
 
 // Reads the pictures of a scene. Pictures with and without alpha do not mix; alpha that is opaque everywhere
 // is dropped. Throws kBadInput when a picture is missing or differs in size from its camera.
-Dataset LoadDataset(const io::Scene& scene, int threads);
+Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset = 0.5);
 
 }  // namespace nerf

@@ -1,5 +1,6 @@
 #include "nerf/hash_field.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -22,6 +23,8 @@ constexpr std::size_t kT1 = 0, kT2 = kT1 + kHid * kIn, kT3 = kT2 + kOut * kHid, 
 
 // Table entries start as tiny noise, so that the coarse levels dominate the first steps [instant-ngp].
 constexpr float kTableInit = 1e-4f;
+// Rows that are queried together: their activations stay in a 1 MB second-level cache.
+constexpr int kQueryRows = 512;
 
 void Transpose(const float* in, std::size_t rows, std::size_t columns, float* out) {
   for (std::size_t r = 0; r < rows; ++r) {
@@ -83,10 +86,10 @@ HashField::HashField(const HashFieldOptions& options, std::uint64_t seed)
   weights_m_.assign(kWeights, 0.f);
   weights_v_.assign(kWeights, 0.f);
   transposed_.resize(kTransposed);
-  RefreshTransposes();
+  Refresh();
 }
 
-void HashField::RefreshTransposes() {
+void HashField::Refresh() {
   const float* w = weights_.data();
   Transpose(w + kW1, kIn, kHid, &transposed_[kT1]);
   Transpose(w + kW2, kHid, kOut, &transposed_[kT2]);
@@ -196,10 +199,52 @@ void HashField::StepTable(int level, const kernels::AdamStep& step) {
 
 void HashField::StepWeights(const kernels::AdamStep& step, float* weight_gradients) {
   kernels_.adam(step, kWeights, weight_gradients, weights_m_.data(), weights_v_.data(), weights_.data());
-  RefreshTransposes();
+  Refresh();
 }
 
-std::vector<HashField::Tensor> HashField::State() {
+void HashField::QueryDensity(const Samples& samples, float* sigma) const {
+  thread_local FieldRows rows;
+  for (int first = 0; first < samples.size(); first += kQueryRows) {
+    rows.Resize(std::min(kQueryRows, samples.size() - first));
+    Encode(samples, first, rows.n, rows.features.data());
+    QueryDensity(rows.features.data(), &rows);
+    std::copy_n(rows.sigma.begin(), rows.n, sigma + first);
+  }
+}
+
+void HashField::Query(const Samples& samples,
+                      std::span<const Ray> rays,
+                      std::span<const int> ray_of,
+                      int /*pass*/,
+                      float* sigma,
+                      float* rgb) const {
+  thread_local FieldRows rows;
+  thread_local std::vector<float> harmonics;
+  harmonics.resize(rays.size() * kHarmonics);
+  for (std::size_t r = 0; r < rays.size(); ++r)
+    SphericalHarmonics(rays[r].direction, &harmonics[r * kHarmonics]);
+  for (int first = 0; first < samples.size(); first += kQueryRows) {
+    rows.Resize(std::min(kQueryRows, samples.size() - first));
+    Encode(samples, first, rows.n, rows.features.data());
+    QueryDensity(rows.features.data(), &rows);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(rows.n); ++i) {
+      const auto ray = static_cast<std::size_t>(ray_of[static_cast<std::size_t>(first) + i]);
+      std::memcpy(&rows.colour_in[i * kIn + kOut], &harmonics[ray * kHarmonics], kHarmonics * sizeof(float));
+    }
+    QueryColour(&rows);
+    std::copy_n(rows.sigma.begin(), rows.n, sigma + first);
+    std::copy_n(rows.rgb.begin(), 3 * rows.n, rgb + 3 * first);
+  }
+}
+
+FieldConfig HashField::Config() const {
+  return {{"n_levels", options_.n_levels},
+          {"log2_hashmap_size", options_.log2_hashmap_size},
+          {"base_resolution", options_.base_resolution},
+          {"finest_resolution", options_.finest_resolution}};
+}
+
+std::vector<Tensor> HashField::State() {
   return {{"table", &table_},
           {"table_m", &table_m_},
           {"table_v", &table_v_},

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "nerf/kernels/kernels.h"
-#include "nerf/sampler.h"
+#include "nerf/radiance_field.h"
 #include "nerf/spherical_harmonics.h"
 
 namespace nerf {
@@ -37,7 +37,7 @@ struct FieldRows {
   void Resize(int rows);
 };
 
-class HashField {
+class HashField : public RadianceField {
  public:
   static constexpr int kInputs = 32, kHidden = 64, kOutputs = 16;
   // exp(0 - 1) = 0.37 per unit: a thin, everywhere equal fog to start from, so that gradients reach every
@@ -68,19 +68,22 @@ class HashField {
   // Consumes (and clears) weight_gradients.
   void StepWeights(const kernels::AdamStep& step, float* weight_gradients);
 
+  std::string kind() const override { return "hash"; }
+  FieldConfig Config() const override;
+  std::vector<Tensor> State() override;
+  void Refresh() override;
+  std::size_t n_parameters() const override { return table_.size() + weights_.size(); }
+  void QueryDensity(const Samples& samples, float* sigma) const override;
+  void Query(const Samples& samples,
+             std::span<const Ray> rays,
+             std::span<const int> ray_of,
+             int pass,
+             float* sigma,
+             float* rgb) const override;
+
   const HashFieldOptions& options() const { return options_; }
   const std::vector<kernels::GridLevel>& levels() const { return levels_; }
   std::size_t n_weights() const { return weights_.size(); }
-  std::size_t n_parameters() const { return table_.size() + weights_.size(); }
-
-  // Whole state by name, for checkpoints and tests: values and Adam moments.
-  struct Tensor {
-    const char* name;
-    std::vector<float>* values;
-  };
-  std::vector<Tensor> State();
-  // To be called after weights were set through State().
-  void RefreshTransposes();
 
  private:
   HashFieldOptions options_;

@@ -14,9 +14,9 @@ constexpr int kConstantPixels = 65536;
 
 }  // namespace
 
-HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads) {
+HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset) {
   if (heldout.frames.empty()) return;
-  const Dataset dataset = LoadDataset(heldout, threads);
+  const Dataset dataset = LoadDataset(heldout, threads, pixel_offset);
   background_ = dataset.channels == 4 ? 1.f : 0.5f;
   for (std::uint64_t i = 0; i < kPixels; ++i) {
     const std::size_t pixel =
@@ -45,7 +45,7 @@ double HeldoutMonitor::Psnr(const SceneField& scene_field, Workers* workers) con
   return -10 * std::log10(std::max(sum / static_cast<double>(target_.size()), 1e-12));
 }
 
-double ConstantSquaredError(const Dataset& dataset) {
+double ConstantSquaredError(const Dataset& dataset, double background) {
   double sum[3] = {}, squares[3] = {};
   for (std::uint64_t i = 0; i < kConstantPixels; ++i) {
     const std::size_t pixel =
@@ -53,7 +53,7 @@ double ConstantSquaredError(const Dataset& dataset) {
     const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
     const double alpha = dataset.channels == 4 ? p[3] / 255.0 : 1.0;
     for (int j = 0; j < 3; ++j) {
-      const double value = p[j] / 255.0 * alpha + 0.5 * (1 - alpha);
+      const double value = p[j] / 255.0 * alpha + background * (1 - alpha);
       sum[j] += value;
       squares[j] += value * value;
     }

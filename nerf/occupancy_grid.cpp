@@ -68,20 +68,29 @@ float OccupancyGrid::Threshold(std::uint32_t cell) const {
   return kMinOpacity / size;
 }
 
-void OccupancyGrid::Rebuild() {
+double OccupancyGrid::OccupiedShare() const {
+  const auto occupied = std::count(distance_.begin(), distance_.end(), std::uint8_t{0});
+  return static_cast<double>(occupied) / static_cast<double>(distance_.size());
+}
+
+void OccupancyGrid::Rebuild(bool cautious) {
+  double sum = 0, n_candidates = 0;
+  for (const float density : density_) {
+    sum += std::max(density, 0.f);
+    n_candidates += density != kNeverOccupied;
+  }
+  const float limit = cautious && n_candidates > 0 ? static_cast<float>(sum / n_candidates)
+                                                   : std::numeric_limits<float>::infinity();
   const std::size_t words = density_.size() / 64;
   std::vector<Word> bits(words), seen(words), scratch(words);
-  std::size_t occupied = 0;
   for (std::size_t w = 0; w < words; ++w) {
     Word word = 0;
     for (std::size_t b = 0; b < 64; ++b) {
       const auto cell = static_cast<std::uint32_t>(64 * w + b);
-      if (density_[cell] > 0 && density_[cell] > Threshold(cell)) word |= Word{1} << b;
+      if (density_[cell] > 0 && density_[cell] > std::min(Threshold(cell), limit)) word |= Word{1} << b;
     }
     bits[w] = word;
-    occupied += static_cast<std::size_t>(std::popcount(word));
   }
-  occupied_share_ = static_cast<double>(occupied) / static_cast<double>(density_.size());
   std::fill(distance_.begin(), distance_.end(), static_cast<std::uint8_t>(kMaxDistance));
   for (int d = 0; d < kMaxDistance; ++d) {
     bool changed = false;

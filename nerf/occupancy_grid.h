@@ -3,6 +3,7 @@
 // a sample.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -56,15 +57,22 @@ class OccupancyGrid {
   void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
   bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
 
-  // Recomputes distances from densities.
-  void Rebuild();
-  double OccupiedShare() const { return occupied_share_; }
+  // Sets the density of all candidates to 0.
+  void Forget() {
+    for (float& density : density_) density = std::min(density, 0.f);
+  }
+
+  // Recomputes distances from densities. cautious: a cell also counts as occupied when it is denser than the
+  // mean of the candidates, so that a field that is still thin everywhere is not dropped [as instant-ngp].
+  void Rebuild(bool cautious = false);
+  double OccupiedShare() const;
 
   // Density above which the cell is occupied: kMinOpacity over the cell's size in scene units.
   float Threshold(std::uint32_t cell) const;
 
   std::vector<float>& density() { return density_; }
   const std::vector<float>& density() const { return density_; }
+  std::vector<std::uint8_t>& distance() { return distance_; }
 
  private:
   static constexpr float kNeverOccupied = -1.f;
@@ -75,7 +83,6 @@ class OccupancyGrid {
   SpaceMap map_;
   std::vector<float> density_;
   std::vector<std::uint8_t> distance_;
-  double occupied_share_ = 0;
 };
 
 }  // namespace nerf

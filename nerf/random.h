@@ -14,7 +14,7 @@ inline std::uint64_t Mix(std::uint64_t z) {
 }
 
 // What a stream of numbers is used for; each purpose draws from its own.
-enum class Stream : std::uint64_t { kInit = 1, kRay, kProbe, kMonitor };
+enum class Stream : std::uint64_t { kInit = 1, kRay, kProbe, kMonitor, kJitter };
 
 class Random {
  public:

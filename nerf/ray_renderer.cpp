@@ -1,18 +1,16 @@
 #include "nerf/ray_renderer.h"
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "nerf/volume_rendering.h"
 
 namespace nerf {
 namespace {
 
-constexpr int kRaysPerTask = 512;
+constexpr int kRaysPerTask = 512, kStratifiedRays = 64;
 // Samples a ray may contribute to one wave: surfaces are crossed in 5 to 20 samples.
 constexpr int kWaveSamples = 8;
-constexpr int kChunkRows = 512;
-
 struct RayState {
   int index;
   float t, t_last, optical_depth = 0;
@@ -21,54 +19,37 @@ struct RayState {
 
 struct Scratch {
   Samples samples;
-  std::vector<float> features, alpha;
+  std::vector<int> ray_of;
+  std::vector<float> sigma, rgb;
   std::vector<RayState> active;
-  FieldRows rows;
+  std::vector<float> t, delta;
 };
 
-void ShadeWave(const SceneField& scene_field,
-               std::span<const Ray> rays,
-               Scratch* scratch,
-               std::vector<float>* rgb_sigma) {
-  const int n = scratch->samples.size();
-  scratch->features.resize(static_cast<std::size_t>(n) * HashField::kInputs);
-  rgb_sigma->resize(static_cast<std::size_t>(n) * 4);
-  scene_field.field.Encode(scratch->samples, 0, n, scratch->features.data());
-  std::vector<std::size_t> ray_of(static_cast<std::size_t>(n));
-  for (std::size_t a = 0; a < scratch->active.size(); ++a) {
-    const RayState& state = scratch->active[a];
-    for (int i = state.first; i < state.first + state.count; ++i)
-      ray_of[static_cast<std::size_t>(i)] = static_cast<std::size_t>(state.index);
-  }
-  std::vector<float> harmonics(rays.size() * kHarmonics);
-  for (const RayState& state : scratch->active) {
-    SphericalHarmonics(rays[static_cast<std::size_t>(state.index)].direction,
-                       &harmonics[static_cast<std::size_t>(state.index) * kHarmonics]);
-  }
-  FieldRows& rows = scratch->rows;
-  for (int first = 0; first < n; first += kChunkRows) {
-    rows.Resize(std::min(kChunkRows, n - first));
-    scene_field.field.QueryDensity(&scratch->features[static_cast<std::size_t>(first) * HashField::kInputs],
-                                   &rows);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(rows.n); ++i) {
-      std::memcpy(&rows.colour_in[i * HashField::kInputs + HashField::kOutputs],
-                  &harmonics[ray_of[static_cast<std::size_t>(first) + i] * kHarmonics],
-                  kHarmonics * sizeof(float));
-    }
-    scene_field.field.QueryColour(&rows);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(rows.n); ++i) {
-      float* target = &(*rgb_sigma)[4 * (static_cast<std::size_t>(first) + i)];
-      std::memcpy(target, &rows.rgb[3 * i], 3 * sizeof(float));
-      target[3] = rows.sigma[i];
-    }
+void Shade(const SceneField& scene_field, std::span<const Ray> rays, int pass, Scratch* scratch) {
+  const auto n = static_cast<std::size_t>(scratch->samples.size());
+  scratch->sigma.resize(n);
+  scratch->rgb.resize(3 * n);
+  scene_field.field->Query(
+      scratch->samples, rays, scratch->ray_of, pass, scratch->sigma.data(), scratch->rgb.data());
+}
+
+// Adds samples [first, first + count) of the scratch to a ray.
+void Composite(const Scratch& scratch, int first, int count, float* optical_depth, RenderedRay* ray) {
+  for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(first + count); ++i) {
+    const float tau = scratch.sigma[i] * scratch.samples.delta[i];
+    const float weight = ray->transmittance * -std::expm1(-tau);
+    for (std::size_t j = 0; j < 3; ++j) ray->rgb[j] += weight * scratch.rgb[3 * i + j];
+    ray->depth += weight * scratch.samples.t[i];
+    *optical_depth += tau;
+    ray->transmittance = std::exp(-*optical_depth);
   }
 }
 
-void RenderTask(const SceneField& scene_field,
-                std::span<const Ray> rays,
-                float step_scale,
-                Scratch* scratch,
-                RenderedRay* out) {
+void RenderPruned(const SceneField& scene_field,
+                  std::span<const Ray> rays,
+                  float step_scale,
+                  Scratch* scratch,
+                  RenderedRay* out) {
   const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
   scratch->active.clear();
   for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
@@ -77,9 +58,9 @@ void RenderTask(const SceneField& scene_field,
     out[i] = {{0, 0, 0}, 1, 0};
     scratch->active.push_back(state);
   }
-  std::vector<float> rgb_sigma;
   while (!scratch->active.empty()) {
     scratch->samples.clear();
+    scratch->ray_of.clear();
     for (RayState& state : scratch->active) {
       state.first = scratch->samples.size();
       state.count = sampler.March(rays[static_cast<std::size_t>(state.index)],
@@ -88,21 +69,13 @@ void RenderTask(const SceneField& scene_field,
                                   kWaveSamples,
                                   &state.t,
                                   &scratch->samples);
+      scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), state.index);
     }
-    ShadeWave(scene_field, rays, scratch, &rgb_sigma);
+    Shade(scene_field, rays, 0, scratch);
     std::size_t kept = 0;
     for (RayState state : scratch->active) {
       RenderedRay& ray = out[state.index];
-      for (int i = state.first; i < state.first + state.count; ++i) {
-        const float* sample = &rgb_sigma[4 * static_cast<std::size_t>(i)];
-        const auto s = static_cast<std::size_t>(i);
-        const float tau = sample[3] * scratch->samples.delta[s];
-        const float weight = ray.transmittance * -std::expm1(-tau);
-        for (int j = 0; j < 3; ++j) ray.rgb[j] += weight * sample[j];
-        ray.depth += weight * scratch->samples.t[s];
-        state.optical_depth += tau;
-        ray.transmittance = std::exp(-state.optical_depth);
-      }
+      Composite(*scratch, state.first, state.count, &state.optical_depth, &ray);
       const bool left = state.count < kWaveSamples, opaque = ray.transmittance < kEarlyStopTransmittance;
       if (left || opaque) {
         ray.depth += ray.transmittance * std::max(state.t_last, 0.f);
@@ -114,6 +87,52 @@ void RenderTask(const SceneField& scene_field,
   }
 }
 
+// Every ray at the midpoints of its bins; with importance samples, a first network finds where they go.
+void RenderStratified(const SceneField& scene_field,
+                      std::span<const Ray> rays,
+                      Scratch* scratch,
+                      RenderedRay* out) {
+  const QuadratureOptions quadrature = scene_field.field->quadrature();
+  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
+  const float near = scene_field.sampler_options.near, far = scene_field.sampler_options.far;
+  const int n_rays = static_cast<int>(rays.size());
+  std::vector<std::vector<float>> t(rays.size());
+  for (std::vector<float>& distances : t)
+    StratifiedDistances(near, far, quadrature.n_samples, nullptr, &distances);
+  const int n_passes = quadrature.n_importance > 0 ? 2 : 1;
+  for (int pass = 0; pass < n_passes; ++pass) {
+    scratch->samples.clear();
+    scratch->ray_of.clear();
+    for (int r = 0; r < n_rays; ++r) {
+      const std::vector<float>& distances = t[static_cast<std::size_t>(r)];
+      IntervalLengths(near, far, quadrature.open_end, distances, &scratch->delta);
+      sampler.Place(rays[static_cast<std::size_t>(r)], distances, scratch->delta, &scratch->samples);
+      scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), r);
+    }
+    Shade(scene_field, rays, pass, scratch);
+    int first = 0;
+    for (int r = 0; r < n_rays; ++r) {
+      const int count = static_cast<int>(t[static_cast<std::size_t>(r)].size());
+      float optical_depth = 0;
+      out[r] = {{0, 0, 0}, 1, 0};
+      if (pass + 1 < n_passes) {
+        std::vector<float> weights;
+        for (int i = first; i < first + count; ++i) {
+          const float before = out[r].transmittance;
+          Composite(*scratch, i, 1, &optical_depth, &out[r]);
+          weights.push_back(before - out[r].transmittance);
+        }
+        AddImportanceSamples(
+            near, far, weights, quadrature.n_importance, nullptr, &t[static_cast<std::size_t>(r)]);
+      } else {
+        Composite(*scratch, first, count, &optical_depth, &out[r]);
+        out[r].depth += out[r].transmittance * far;
+      }
+      first += count;
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
@@ -122,15 +141,19 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     Workers* workers) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
-  const int n_tasks = static_cast<int>((rays.size() + kRaysPerTask - 1) / kRaysPerTask);
+  const bool stratified = scene_field.field->quadrature().n_samples > 0;
+  const int per_task = stratified ? kStratifiedRays : kRaysPerTask;
+  const int n_tasks = (static_cast<int>(rays.size()) + per_task - 1) / per_task;
   workers->Run(n_tasks, [&](int task, int thread) {
-    const std::size_t first = static_cast<std::size_t>(task) * kRaysPerTask;
-    const std::size_t count = std::min<std::size_t>(kRaysPerTask, rays.size() - first);
-    RenderTask(scene_field,
-               rays.subspan(first, count),
-               step_scale,
-               &scratch[static_cast<std::size_t>(thread)],
-               &out[first]);
+    const std::size_t first = static_cast<std::size_t>(task) * static_cast<std::size_t>(per_task);
+    const std::span<const Ray> mine =
+        rays.subspan(first, std::min(static_cast<std::size_t>(per_task), rays.size() - first));
+    Scratch* own = &scratch[static_cast<std::size_t>(thread)];
+    if (stratified) {
+      RenderStratified(scene_field, mine, own, &out[first]);
+    } else {
+      RenderPruned(scene_field, mine, step_scale, own, &out[first]);
+    }
   });
   return out;
 }

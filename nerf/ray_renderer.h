@@ -1,5 +1,5 @@
 // Renders rays through a trained field: waves of a few samples per ray, so that a ray stops as soon as it is
-// opaque.
+// opaque; or, for fields with a fixed number of samples per ray, at the midpoints of their bins.
 #pragma once
 
 #include <span>

@@ -64,4 +64,22 @@ int Sampler::March(
   return count;
 }
 
+void Sampler::Place(const Ray& ray,
+                    const std::vector<float>& t,
+                    const std::vector<float>& delta,
+                    Samples* samples) const {
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    float x[3], unit[3];
+    for (int j = 0; j < 3; ++j) x[j] = ray.origin[j] + t[i] * ray.direction[j];
+    map_.ToUnit(x, unit);
+    const float* at = options_.scene_units ? x : unit;
+    samples->x.push_back(at[0]);
+    samples->y.push_back(at[1]);
+    samples->z.push_back(at[2]);
+    samples->delta.push_back(delta[i]);
+    samples->t.push_back(t[i]);
+    samples->cell.push_back(grid_.CellAt(unit));
+  }
+}
+
 }  // namespace nerf

@@ -18,9 +18,10 @@ struct SamplerOptions {
   float near = 0.05f, far = 6;  // distances along the ray, scene units
   float step_size = 0.01f;      // shortest interval, scene units
   float cone_angle = 0;         // interval per distance; 0: constant intervals
+  bool scene_units = false;     // of the positions that Place writes; else the unit cube, as March
 };
 
-// Positions in the unit cube, one entry per sample.
+// Positions in the unit cube (or scene units, see SamplerOptions), one entry per sample.
 struct Samples {
   std::vector<float> x, y, z, delta, t;
   std::vector<std::uint32_t> cell;
@@ -41,6 +42,12 @@ class Sampler {
   // fewer than max_samples means that the ray has left the scene.
   int March(
       const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
+
+  // Appends samples at given distances with given interval lengths, whatever the grid says.
+  void Place(const Ray& ray,
+             const std::vector<float>& t,
+             const std::vector<float>& delta,
+             Samples* samples) const;
 
   // Length of the interval that starts at t.
   float Delta(float step_scale, float t) const {

@@ -14,6 +14,7 @@ namespace {
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
 constexpr double kFinestCellPixels = 0.67;
 constexpr int kLog2HashmapSize = 18;
+constexpr int kReportSamples = 192;
 constexpr int kGridResolution = 128;
 constexpr int kHullResolution = 64;  // of the first carving, which only finds the box
 
@@ -113,13 +114,33 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
     sampling.far = static_cast<float>(scene.far);
     sampling.step_size = static_cast<float>(kIntervalPixels * footprint);
   }
-  HashFieldOptions field;
-  field.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
-  const double cells = map.InnerSide() / (kFinestCellPixels * footprint);
-  field.finest_resolution = options.finest_resolution ? options.finest_resolution
-                                                      : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
+  std::unique_ptr<RadianceField> field;
+  std::string size;
+  if (options.field == "nerf") {
+    const NerfFieldOptions& nerf = options.nerf;
+    sampling.scene_units = nerf.scene_units;
+    if (nerf.quadrature.n_samples > 0) {
+      sampling.near = static_cast<float>(scene.near);
+      sampling.far = static_cast<float>(scene.far);
+    } else if (!map.unbounded) {
+      sampling.step_size = static_cast<float>((scene.far - scene.near) / kReportSamples);
+    }
+    auto network = std::make_unique<NerfField>(nerf, map.unbounded, seed);
+    size = std::to_string(network->n_parameters()) + " weights, " + network->network(0).Describe();
+    field = std::move(network);
+  } else {
+    HashFieldOptions hash;
+    hash.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
+    const double cells = map.InnerSide() / (kFinestCellPixels * footprint);
+    hash.finest_resolution = options.finest_resolution ? options.finest_resolution
+                                                       : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
+    size = std::to_string(hash.n_levels) + " levels, " + std::to_string(hash.base_resolution) + " to " +
+           std::to_string(hash.finest_resolution) + " cells, 2^" + std::to_string(hash.log2_hashmap_size) +
+           " entries";
+    field = std::make_unique<HashField>(hash, seed);
+  }
 
-  auto result = std::make_unique<SceneField>(map, sampling, field, grid_resolution, seed);
+  auto result = std::make_unique<SceneField>(map, sampling, std::move(field), grid_resolution);
   if (has_alpha) {
     CarveByMasks(scene, dataset, map, workers, &result->grid);
   } else {
@@ -127,22 +148,19 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   }
   result->grid.Rebuild();
   char text[400];
-  std::snprintf(text,
-                sizeof text,
-                "pixel footprint %.4g units; %s cube of side %.3g; intervals %.4g%s; %d levels, %d to %d "
-                "cells, 2^%d entries; "
-                "occupancy %d^3, %.1f %% to start from",
-                footprint,
-                map.unbounded ? "contracted space around a" : "bounded",
-                2.0 * map.half,
-                static_cast<double>(sampling.step_size),
-                map.unbounded ? " and growing with distance" : "",
-                field.n_levels,
-                field.base_resolution,
-                field.finest_resolution,
-                field.log2_hashmap_size,
-                grid_resolution,
-                100 * result->grid.OccupiedShare());
+  std::snprintf(
+      text,
+      sizeof text,
+      "pixel footprint %.4g units; %s cube of side %.3g; intervals %.4g%s; %s; occupancy %d^3, %.1f %% to "
+      "start from",
+      footprint,
+      map.unbounded ? "contracted space around a" : "bounded",
+      2.0 * map.half,
+      static_cast<double>(sampling.step_size),
+      map.unbounded ? " and growing with distance" : "",
+      size.c_str(),
+      grid_resolution,
+      100 * result->grid.OccupiedShare());
   *derivation = text;
   return result;
 }

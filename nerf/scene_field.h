@@ -3,9 +3,11 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "nerf/dataset.h"
 #include "nerf/hash_field.h"
+#include "nerf/nerf_field.h"
 #include "nerf/occupancy_grid.h"
 #include "nerf/parallel.h"
 #include "nerf/sampler.h"
@@ -15,23 +17,27 @@ namespace nerf {
 struct SceneField {
   SceneField(const SpaceMap& space_map,
              const SamplerOptions& sampling,
-             const HashFieldOptions& options,
-             int grid_resolution,
-             std::uint64_t seed)
-      : map(space_map), sampler_options(sampling), field(options, seed), grid(grid_resolution, map) {}
+             std::unique_ptr<RadianceField> radiance_field,
+             int grid_resolution)
+      : map(space_map),
+        sampler_options(sampling),
+        field(std::move(radiance_field)),
+        grid(grid_resolution, map) {}
   SceneField(const SceneField&) = delete;  // the grid's map must stay the one above
 
   SpaceMap map;
   SamplerOptions sampler_options;
-  HashField field;
+  std::unique_ptr<RadianceField> field;
   OccupancyGrid grid;
 };
 
 // Overrides of what is otherwise derived from the scene; 0 keeps the derivation.
 struct SceneFieldOptions {
+  std::string field = "hash";  // or "nerf"
   int log2_hashmap_size = 0;
   int finest_resolution = 0;
   int grid_resolution = 0;
+  NerfFieldOptions nerf;
 };
 
 // Sizes the field by what the scene needs (the derivation is returned as one line of text):
@@ -39,7 +45,9 @@ struct SceneFieldOptions {
 //   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
 //   finest grid cells of 2/3 p; coarsest 16 per axis; tables of 2^18 entries per level
 // Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around a
-// cube of one to two times scene.aabb that holds 90 % of the sparse points.
+// cube of one to two times scene.aabb that holds 90 % of the sparse points. `nerf` has the report's
+// intervals, (far - near) / 192, in bounded scenes, and with a fixed number of samples per ray those between
+// near and far.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,

@@ -3,110 +3,43 @@
 #include <cmath>
 #include <cstring>
 
-#include "nerf/random.h"
-
 namespace nerf {
 namespace {
 
 // Rows that go through the networks together: their activations (about 1.2 KB a row) stay in a 1 MB
 // second-level cache.
 constexpr int kChunkRows = 512;
-// Samples a ray contributes to one wave before its transmittance is looked at: what is marched and encoded in
-// vain behind a surface is at most one wave.
-constexpr int kWaveSamples = 16;
-
-PixelTarget TargetOf(const Dataset& dataset, std::size_t pixel) {
-  const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
-  const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
-  PixelTarget target = {{}, alpha};
-  for (int j = 0; j < 3; ++j) target.premultiplied[j] = static_cast<float>(p[j]) / 255.f * alpha;
-  return target;
-}
-
 template <typename T>
 void Grow(std::vector<T>* v, std::size_t size) {
   if (v->size() < size) v->resize(size);
 }
 
-void DrawRays(
-    const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, ShardScratch* scratch) {
-  const auto first = static_cast<std::uint64_t>(plan.n_rays) * static_cast<std::uint64_t>(shard) / kShards;
-  const auto last = static_cast<std::uint64_t>(plan.n_rays) * static_cast<std::uint64_t>(shard + 1) / kShards;
-  scratch->rays.clear();
-  for (std::uint64_t id = first; id < last; ++id) {
-    Random random(plan.seed, Stream::kRay, plan.step, 2 * id);
-    const std::size_t pixel = random.Below(static_cast<std::uint32_t>(dataset.n_pixels()));
-    const View& view = dataset.ViewOf(pixel);
-    const int in_view = static_cast<int>(pixel - view.first_pixel);
-    BatchRay ray{.id = id,
-                 .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width),
-                 .target = TargetOf(dataset, pixel),
-                 .t = 0,
-                 .t_last = 0};
-    sampler.Range(ray.ray, &ray.t, &ray.t_last);
-    ray.t += random.Uniform() * sampler.Delta(plan.step_scale, ray.t);
-    scratch->rays.push_back(ray);
-  }
-}
-
-// Marches up to kWaveSamples further samples of every ray that still has light, and queries their density.
-// Returns false when no ray is left.
-bool MarchWave(const HashField& field,
-               const Sampler& sampler,
-               const BatchPlan& plan,
-               ShardScratch* scratch,
-               ShardResult* result) {
-  Samples& wave = scratch->wave;
-  wave.clear();
-  scratch->wave_ray.clear();
-  scratch->wave_first.clear();
-  for (std::size_t r = 0; r < scratch->rays.size(); ++r) {
-    BatchRay& ray = scratch->rays[r];
-    if (!ray.marching) continue;
-    scratch->wave_ray.push_back(static_cast<int>(r));
-    scratch->wave_first.push_back(wave.size());
-    const int wanted = std::min(kWaveSamples, plan.max_samples - ray.n_kept);
-    ray.marching = sampler.March(ray.ray, plan.step_scale, ray.t_last, wanted, &ray.t, &wave) == kWaveSamples;
-  }
-  scratch->wave_first.push_back(wave.size());
+// Queries the densities of the current wave and keeps what light reaches.
+void QueryWave(const HashField& field, const BatchPlan& plan, ShardScratch* scratch, ShardResult* result) {
+  RayBatch& batch = scratch->batch;
+  const Samples& wave = batch.wave;
   const int n = wave.size();
-  if (n == 0) return false;
   FieldRows& rows = scratch->rows;
   rows.Resize(n);
   field.Encode(wave, 0, n, rows.features.data());
   field.QueryDensity(rows.features.data(), &rows);
   result->visited_cell.insert(result->visited_cell.end(), wave.cell.begin(), wave.cell.end());
   result->visited_sigma.insert(result->visited_sigma.end(), rows.sigma.begin(), rows.sigma.begin() + n);
-
-  for (std::size_t run = 0; run < scratch->wave_ray.size(); ++run) {
-    BatchRay& ray = scratch->rays[static_cast<std::size_t>(scratch->wave_ray[run])];
-    for (auto i = static_cast<std::size_t>(scratch->wave_first[run]);
-         i < static_cast<std::size_t>(scratch->wave_first[run + 1]);
-         ++i) {
-      scratch->kept.x.push_back(wave.x[i]);
-      scratch->kept.y.push_back(wave.y[i]);
-      scratch->kept.z.push_back(wave.z[i]);
-      scratch->kept.delta.push_back(wave.delta[i]);
-      scratch->kept_ray.push_back(scratch->wave_ray[run]);
-      const float* row = &rows.features[i * HashField::kInputs];
-      scratch->kept_features.insert(scratch->kept_features.end(), row, row + HashField::kInputs);
-      ++ray.n_kept;
-      ray.optical_depth += rows.sigma[i] * wave.delta[i];
-      if (ray.optical_depth > plan.early_stop_depth) {
-        ray.marching = false;
-        break;
-      }
-    }
-  }
-  return true;
+  EndWave(plan, rows.sigma.data(), &batch, [&](int ray, std::size_t i) {
+    scratch->kept.x.push_back(wave.x[i]);
+    scratch->kept.y.push_back(wave.y[i]);
+    scratch->kept.z.push_back(wave.z[i]);
+    scratch->kept.delta.push_back(wave.delta[i]);
+    scratch->kept_ray.push_back(ray);
+    const float* row = &rows.features[i * HashField::kInputs];
+    scratch->kept_features.insert(scratch->kept_features.end(), row, row + HashField::kInputs);
+  });
 }
 
 // Brings the kept samples into ray order. ray_first[r] is the first sample of ray r.
 void SortByRay(ShardScratch* scratch, ShardResult* result, std::vector<int>* ray_first) {
   const std::size_t n = scratch->kept_ray.size();
-  ray_first->assign(scratch->rays.size() + 1, 0);
-  for (std::size_t r = 0; r < scratch->rays.size(); ++r)
-    (*ray_first)[r + 1] = (*ray_first)[r] + scratch->rays[r].n_kept;
+  *ray_first = FirstSamples(scratch->batch);
   std::vector<int> next(ray_first->begin(), ray_first->end() - 1);
   Samples& samples = result->samples;
   samples.x.resize(n), samples.y.resize(n), samples.z.resize(n);
@@ -147,7 +80,7 @@ void DifferentiateRays(const HashField& field,
   kernels.one_minus_exp_neg(static_cast<int>(n), scratch->weights.data());
   for (int r = ray_begin; r < ray_end; ++r) {
     float harmonics[kHarmonics];
-    SphericalHarmonics(scratch->rays[static_cast<std::size_t>(r)].ray.direction, harmonics);
+    SphericalHarmonics(scratch->batch.rays[static_cast<std::size_t>(r)].ray.direction, harmonics);
     for (auto i = static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r)]) - first;
          i < static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r) + 1]) - first;
          ++i) {
@@ -157,7 +90,7 @@ void DifferentiateRays(const HashField& field,
   field.QueryColour(&rows);
 
   for (int r = ray_begin; r < ray_end; ++r) {
-    const BatchRay& ray = scratch->rays[static_cast<std::size_t>(r)];
+    const BatchRay& ray = scratch->batch.rays[static_cast<std::size_t>(r)];
     const std::size_t begin = static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r)]) - first;
     float depth = 0, transmittance = 1;
     for (std::size_t i = begin; i < begin + static_cast<std::size_t>(ray.n_kept); ++i) {
@@ -165,23 +98,30 @@ void DifferentiateRays(const HashField& field,
       depth += scratch->tau[i];
       transmittance = std::exp(-depth);
     }
-    float squared_error = 0;
-    const float loss = CompositeLoss<float>(ray.n_kept,
-                                            scratch->tau.data() + begin,
-                                            scratch->weights.data() + begin,
-                                            rows.rgb.data() + 3 * begin,
-                                            transmittance,
-                                            ray.target,
-                                            1.f / static_cast<float>(plan.n_rays),
-                                            scratch->logit_gradients.data() + 3 * begin,
-                                            scratch->log_sigma_gradients.data() + begin,
-                                            &squared_error);
-    if (!std::isfinite(loss) && result->finite) {
+    float colour[3];
+    const float* rgb = rows.rgb.data() + 3 * begin;
+    CompositeColour(ray.n_kept, scratch->weights.data() + begin, rgb, colour);
+    const PixelLoss<float> pixel = RandomBackgroundLoss(colour, transmittance, ray.target);
+    float* logit_gradients = scratch->logit_gradients.data() + 3 * begin;
+    float* log_sigma_gradients = scratch->log_sigma_gradients.data() + begin;
+    CompositeGradients(ray.n_kept,
+                       scratch->weights.data() + begin,
+                       rgb,
+                       transmittance,
+                       pixel,
+                       1.f / static_cast<float>(plan.n_rays),
+                       logit_gradients,
+                       log_sigma_gradients);
+    // sigma = exp(logit) and rgb = sigmoid(logit).
+    for (int i = 0; i < ray.n_kept; ++i)
+      log_sigma_gradients[i] *= scratch->tau[begin + static_cast<std::size_t>(i)];
+    for (int i = 0; i < 3 * ray.n_kept; ++i) logit_gradients[i] *= rgb[i] * (1.f - rgb[i]);
+    if (!std::isfinite(pixel.loss) && result->finite) {
       result->finite = false;
       result->first_bad_ray = ray.id;
     }
-    result->loss += loss;
-    result->squared_error += squared_error;
+    result->loss += pixel.loss;
+    result->squared_error += pixel.squared_error;
     result->opacity += 1.f - transmittance;
   }
   field.Backward(scratch->logit_gradients.data(),
@@ -215,9 +155,8 @@ void TrainShard(const Dataset& dataset,
   scratch->kept_ray.clear();
   scratch->kept_features.clear();
 
-  DrawRays(dataset, sampler, plan, shard, scratch);
-  while (MarchWave(field, sampler, plan, scratch, result)) {
-  }
+  DrawRays(dataset, sampler, plan, shard, &scratch->batch);
+  while (NextWave(sampler, plan, &scratch->batch)) QueryWave(field, plan, scratch, result);
   std::vector<int> ray_first;
   SortByRay(scratch, result, &ray_first);
 
@@ -225,7 +164,7 @@ void TrainShard(const Dataset& dataset,
   const std::size_t stride = scratch->kept_ray.size() * kernels::kFeatures;
   result->feature_gradient_stride = stride;
   Grow(&result->feature_gradients, stride * n_levels);
-  const int n_rays = static_cast<int>(scratch->rays.size());
+  const int n_rays = static_cast<int>(scratch->batch.rays.size());
   for (int ray_begin = 0; ray_begin < n_rays;) {
     int ray_end = ray_begin + 1;
     const auto first_of = [&](int r) { return ray_first[static_cast<std::size_t>(r)]; };
@@ -236,7 +175,7 @@ void TrainShard(const Dataset& dataset,
     const auto n = static_cast<std::size_t>(rows.n), first = static_cast<std::size_t>(first_of(ray_begin));
     if (!AllFinite(rows.features_gradient.data(), n * HashField::kInputs) && result->finite) {
       result->finite = false;
-      result->first_bad_ray = scratch->rays[static_cast<std::size_t>(ray_begin)].id;
+      result->first_bad_ray = scratch->batch.rays[static_cast<std::size_t>(ray_begin)].id;
     }
     for (std::size_t l = 0; l < n_levels; ++l) {
       float* target = result->feature_gradients.data() + l * stride + first * kernels::kFeatures;

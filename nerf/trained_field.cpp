@@ -9,16 +9,16 @@ namespace {
 // Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
 constexpr float kUnseenGrey = 0.5f;
 
-class HashTrainedField : public TrainedField {
+class CheckpointTrainedField : public TrainedField {
  public:
-  explicit HashTrainedField(const std::filesystem::path& checkpoint) {
+  explicit CheckpointTrainedField(const std::filesystem::path& checkpoint) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);
   }
 
   RenderedView Render(const io::Camera& camera,
                       const io::Rigid3d& world_from_cam,
                       const RenderOptions& options) const override {
-    const RayCamera ray_camera(camera, world_from_cam);
+    const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
     std::vector<Ray> rays;
     rays.reserve(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
     for (int y = 0; y < camera.height; ++y) {
@@ -45,8 +45,10 @@ class HashTrainedField : public TrainedField {
 
 }  // namespace
 
+std::string FieldOfCheckpoint(const std::filesystem::path& checkpoint) { return CheckpointField(checkpoint); }
+
 std::unique_ptr<TrainedField> TrainedField::Load(const std::filesystem::path& checkpoint) {
-  return std::make_unique<HashTrainedField>(checkpoint);
+  return std::make_unique<CheckpointTrainedField>(checkpoint);
 }
 
 }  // namespace nerf

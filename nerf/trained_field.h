@@ -4,6 +4,7 @@
 #include <array>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "io/scene.h"
@@ -26,6 +27,9 @@ struct RenderedView {
   std::vector<float> depth;    // [height][width], expected depth along the ray in scene units
   std::vector<float> opacity;  // [height][width], sum of weights
 };
+
+// The kind of field in a checkpoint, "hash" or "nerf". Throws kBadState naming the check that failed.
+std::string FieldOfCheckpoint(const std::filesystem::path& checkpoint);
 
 class TrainedField {
  public:

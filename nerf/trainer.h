@@ -1,4 +1,4 @@
-// Trains the `hash` field on a scene within a time budget or for a number of steps.
+// Trains a field on a scene within a time budget or for a number of steps.
 #pragma once
 
 #include <filesystem>
@@ -12,20 +12,35 @@
 
 namespace nerf {
 
+inline constexpr double kHashLearningRate = 1e-2, kNerfLearningRate = 5e-4;
+
+// What only the `nerf` field has; the defaults train best, ReportTrainOptions() are the report's.
+struct NerfTrainOptions {
+  int rays = 4096;  // per step, at most: with the occupancy grid, samples_per_step limits them as well
+  int samples_per_step = 1 << 12;
+  double learning_rate_final = 0.1;  // last rate / first rate, falling exponentially; 1: constant
+  bool white_background = false;  // pictures with alpha on white only, as the report; else on all backgrounds
+};
+
 struct TrainOptions {
   double time_s = 180;  // training budget in seconds; schedules follow the share of it that is used
   int steps = 0;  // > 0: this many steps instead; the result then depends on nothing but seed and inputs
   std::uint64_t seed = 1;
   int threads = 1;
-  int samples_per_step = 1 << 16;     // target; the number of rays follows from the samples they meet
-  double learning_rate = 1e-2;        // Adam, tables and networks; held, then falling exponentially
-  double learning_rate_hold = 0.4;    // share of the run
-  double learning_rate_final = 0.02;  // last rate / first rate
-  double first_step_scale = 2.5;      // sampling intervals start this much longer ...
+  double learning_rate = 0;           // Adam; 0: the field's own, above
+  int samples_per_step = 1 << 16;     // `hash`: target; the number of rays follows from the samples they meet
+  double learning_rate_hold = 0.4;    // `hash`: share of the run before the rate falls exponentially ...
+  double learning_rate_final = 0.02;  // ... to this share of the first
+  double first_step_scale = 2.5;      // `hash`: sampling intervals start this much longer ...
   double step_scale_share = 0.3;      // ... and shrink to 1 within this share of the run
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
+  NerfTrainOptions nerf;
 };
+
+// The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,
+// 192 stratified samples with an open end on [near, far], 4096 rays, white background, 100,000 steps.
+TrainOptions ReportTrainOptions();
 
 struct TrainReport {
   std::uint64_t steps = 0;
@@ -35,6 +50,9 @@ struct TrainReport {
   double heldout_psnr = 0;  // last monitored value; NaN without held-out pictures
   double occupied_share = 0;
   int skipped_steps = 0, restarts = 0;
+  // `nerf`: rate of the network's arithmetic over the whole training, and the machine's rate of such
+  // products.
+  double gflops = 0, gemm_gflops = 0;
   std::string derivation, kernels;
   std::vector<std::string> events;  // resume, restart, skipped steps
   std::vector<CurvePoint> curve;

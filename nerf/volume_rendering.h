@@ -7,15 +7,20 @@
 // [Max 1995; Mildenhall et al. 2020.] T is accumulated in log space, so neither products near 0 nor 1 - alpha
 // = 0 need care. Templated on the scalar: float in training, double as the oracle of the tests.
 //
-// Loss. A picture with alpha A* and premultiplied colour C* must look right on every background. For a
-// background b_j uniform in [0, 1] per channel the expected squared error has the closed form, with D = T_end
-// - (1 - A*) and e_j = C_j - C*_j + D / 2,
-//   E 1/2 sum_j (C_j - C*_j + b_j D)^2 = 1/2 sum_j e_j^2 + 1/8 D^2,
-// so no background needs to be drawn. Opaque pictures are the case A* = 1: light that leaves the scene is an
-// error.
+// Losses of a pixel with alpha A* and premultiplied colour C*, with D = T_end - (1 - A*):
+//   random background   It must look right on every background. For b_j uniform in [0, 1] per channel the
+//                       expected squared error has a closed form, with e_j = C_j - C*_j + D / 2,
+//                         E 1/2 sum_j (C_j - C*_j + b_j D)^2 = 1/2 sum_j e_j^2 + 1/8 D^2,
+//                       so none needs to be drawn. Opaque pictures are the case A* = 1: light that leaves the
+//                       scene is an error.
+//   fixed background    mean over channels of (C_j - C*_j + b_j D)^2, the report's loss with b = 1.
 #pragma once
 
 #include <cmath>
+
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "fast-math hides NaN and infinity from every check of the training: build without it"
+#endif
 
 namespace nerf {
 
@@ -38,46 +43,82 @@ Scalar Transmittance(int n, const Scalar* tau, Scalar* transmittance) {
   return std::exp(-depth);
 }
 
-// One ray: weights [n], rgb [n][3] and T_end give the loss; outputs d loss / d rgb-logits [n][3] (rgb =
-// sigmoid(logit)) and d loss / d log sigma [n], both times `scale`:
-//   d loss / d log sigma_i = tau_i (T_{i+1} q_i - sum_{k>i} w_k q_k - G T_end),  q_i = sum_j e_j c_ij,
-//   G = d loss / d T_end = D / 4 + 1/2 sum_j e_j.
-// Returns the loss, unscaled; squared_error receives sum_j (C_j + D/2 - C*_j)^2, the error on a grey
-// background.
+// The loss of one pixel and its derivatives.
 template <typename Scalar>
-Scalar CompositeLoss(int n,
-                     const Scalar* tau,
-                     const Scalar* weights,
-                     const Scalar* rgb,
-                     Scalar transmittance_end,
-                     const PixelTarget& target,
-                     Scalar scale,
-                     Scalar* logit_gradients,
-                     Scalar* log_sigma_gradients,
-                     Scalar* squared_error) {
-  Scalar error[3];
-  const Scalar leak = transmittance_end - (Scalar(1) - Scalar(target.alpha));
-  for (int j = 0; j < 3; ++j) error[j] = Scalar(0.5) * leak - Scalar(target.premultiplied[j]);
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < 3; ++j) error[j] += weights[i] * rgb[3 * i + j];
-  }
-  const Scalar squared = error[0] * error[0] + error[1] * error[1] + error[2] * error[2];
-  const Scalar end_gradient = leak / Scalar(4) + (error[0] + error[1] + error[2]) / Scalar(2);
+struct PixelLoss {
+  Scalar loss;
+  Scalar squared_error;       // sum over channels, on a grey background or the fixed one
+  Scalar colour_gradient[3];  // d loss / d C, light of the scene alone
+  Scalar end_gradient;        // d loss / d T_end
+};
 
+template <typename Scalar>
+PixelLoss<Scalar> RandomBackgroundLoss(const Scalar colour[3],
+                                       Scalar transmittance_end,
+                                       const PixelTarget& target) {
+  const Scalar leak = transmittance_end - (Scalar(1) - Scalar(target.alpha));
+  PixelLoss<Scalar> result = {};
+  for (int j = 0; j < 3; ++j) {
+    const Scalar error = colour[j] + (Scalar(0.5) * leak - Scalar(target.premultiplied[j]));
+    result.colour_gradient[j] = error;
+    result.squared_error += error * error;
+    result.end_gradient += error / Scalar(2);
+  }
+  result.end_gradient += leak / Scalar(4);
+  result.loss = result.squared_error / Scalar(2) + leak * leak / Scalar(8);
+  return result;
+}
+
+template <typename Scalar>
+PixelLoss<Scalar> FixedBackgroundLoss(const Scalar colour[3],
+                                      Scalar transmittance_end,
+                                      const PixelTarget& target,
+                                      const float background[3]) {
+  const Scalar leak = transmittance_end - (Scalar(1) - Scalar(target.alpha));
+  PixelLoss<Scalar> result = {};
+  for (int j = 0; j < 3; ++j) {
+    const Scalar b = Scalar(background[j]), error = colour[j] - Scalar(target.premultiplied[j]) + b * leak;
+    result.colour_gradient[j] = Scalar(2) / Scalar(3) * error;
+    result.end_gradient += b * result.colour_gradient[j];
+    result.squared_error += error * error;
+  }
+  result.loss = result.squared_error / Scalar(3);
+  return result;
+}
+
+// C = sum w_i c_i of n samples with rgb [n][3].
+template <typename Scalar>
+void CompositeColour(int n, const Scalar* weights, const Scalar* rgb, Scalar colour[3]) {
+  for (int j = 0; j < 3; ++j) colour[j] = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < 3; ++j) colour[j] += weights[i] * rgb[3 * i + j];
+  }
+}
+
+// From the loss of a pixel to its samples: rgb_gradients [n][3] = d loss / d c and tau_gradients [n] =
+// d loss / d tau, both times `scale`. With e = colour_gradient and G = end_gradient,
+//   d loss / d c_ij = w_i e_j      d loss / d tau_i = T_{i+1} q_i - sum_{k>i} w_k q_k - G T_end,  q_i = sum_j
+//   e_j c_ij.
+template <typename Scalar>
+void CompositeGradients(int n,
+                        const Scalar* weights,
+                        const Scalar* rgb,
+                        Scalar transmittance_end,
+                        const PixelLoss<Scalar>& pixel,
+                        Scalar scale,
+                        Scalar* rgb_gradients,
+                        Scalar* tau_gradients) {
+  const Scalar* e = pixel.colour_gradient;
   // T_{i+1} is rebuilt from the back: T_i = T_{i+1} + w_i. `behind` collects what lies behind sample i.
-  Scalar behind = end_gradient * transmittance_end, after = transmittance_end;
+  Scalar behind = pixel.end_gradient * transmittance_end, after = transmittance_end;
   for (int i = n - 1; i >= 0; --i) {
     const Scalar* c = rgb + 3 * i;
-    const Scalar q = error[0] * c[0] + error[1] * c[1] + error[2] * c[2];
-    log_sigma_gradients[i] = scale * tau[i] * (after * q - behind);
-    for (int j = 0; j < 3; ++j) {
-      logit_gradients[3 * i + j] = scale * weights[i] * error[j] * c[j] * (Scalar(1) - c[j]);
-    }
+    const Scalar q = e[0] * c[0] + e[1] * c[1] + e[2] * c[2];
+    tau_gradients[i] = scale * (after * q - behind);
+    for (int j = 0; j < 3; ++j) rgb_gradients[3 * i + j] = scale * weights[i] * e[j];
     behind += weights[i] * q;
     after += weights[i];
   }
-  *squared_error = squared;
-  return squared / Scalar(2) + leak * leak / Scalar(8);
 }
 
 }  // namespace nerf

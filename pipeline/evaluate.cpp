@@ -6,6 +6,7 @@
 #include "pipeline/evaluation.h"
 #include "pipeline/stage.h"
 #include "pipeline/stages.h"
+#include "pipeline/torch_program.h"
 
 namespace pipeline {
 namespace {
@@ -66,6 +67,8 @@ int RunEvaluate(int argc, const char* const* argv) {
     if (!bound.Parse(argc, argv)) return;
     if (options.max_strips < 0) throw io::Error(io::ExitCode::kUsage, "--max-strips: must not be negative");
     options.threads = ResolvedThreads(common);
+    if (nerf::FieldOfCheckpoint(common.out / "train/checkpoint.bin") == "nerf")
+      ContinueWithTorch("evaluate", argc, argv);
     Evaluate(common, options, bound);
   });
 }

@@ -239,7 +239,7 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
                                         [](const io::Camera& camera) { return camera.HasDistortion(); });
   const bool is_split_given = !source.splits.empty();
   SplitFrames(options, &source, &stage);
-  if (is_split_given) WarnOfLeakage(source, &stage);
+  WarnOfLeakage(source, &stage);
   const std::vector<fs::path> names = PictureNames(source, is_split_given);
   if (is_distorted) {
     stage.Decide("pictures: the lens distortion is removed");

@@ -213,6 +213,16 @@ void Options::ReadConfig(const std::filesystem::path& path) {
   }
 }
 
+void Options::ApplyPreset(int argc, const char* const* argv, const std::function<void()>& assign) {
+  std::vector<Json> before;
+  for (const auto& option : options_) before.push_back(option->Value());
+  assign();
+  for (std::size_t i = 0; i < options_.size(); ++i) {
+    if (options_[i]->origin == "default" && options_[i]->Value() != before[i]) options_[i]->origin = "preset";
+  }
+  Parse(argc, argv);
+}
+
 void Options::SetMeasured(const std::string& name) { Find(name)->origin = "measured"; }
 
 bool Options::IsSetByUser(const std::string& name) const {

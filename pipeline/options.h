@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <variant>
@@ -29,13 +30,17 @@ class Options {
   // the nearest one. Returns false when --help was asked for and printed.
   bool Parse(int argc, const char* const* argv);
 
+  // After Parse: lets `assign` write the values of a preset into the bound fields, and reads flags and file,
+  // which win, again.
+  void ApplyPreset(int argc, const char* const* argv, const std::function<void()>& assign);
+
   // Marks a value as chosen by measurement rather than by default, file or flag.
   void SetMeasured(const std::string& name);
   bool IsSetByUser(const std::string& name) const;
   // The value as one would write it after the flag.
   std::string ValueText(const std::string& name) const;
 
-  // {"name": {"value": ..., "origin": "default" | "file" | "flag" | "measured"}, ...}
+  // {"name": {"value": ..., "origin": "default" | "preset" | "file" | "flag" | "measured"}, ...}
   std::string ResolvedJson() const;
   // Canonical text of all values that affect the result.
   std::string KeyText() const;

@@ -36,7 +36,7 @@ struct RunOptions {
   int frames_out = 0;
   double fps = 0;
   std::uint64_t seed = 0;
-  std::string frames, time;
+  std::string frames, time, field, preset;
   bool depth = false;
 };
 
@@ -52,6 +52,8 @@ constexpr Forward kForwards[] = {
     {"features", "sfm", "features"},
     {"image-size", "normalize", "image-size"},
     {"holdout-every", "normalize", "holdout-every"},
+    {"field", "train", "field"},
+    {"preset", "train", "preset"},
     {"time", "train", "time"},
     {"steps", "train", "steps"},
     {"seed", "train", "seed"},
@@ -67,6 +69,8 @@ void AddRunOptions(Options* options, RunOptions* run) {
       "INPUT", &run->input, "folder of pictures, quoted glob, video, transforms.json or COLMAP model", true);
   options->Add("out", &run->common.out, "run folder; default: <INPUT>.run", false);
   options->Add("time", &run->time, "training budget, such as 90s, 5m or 1h (train)");
+  options->Add("field", &run->field, "radiance field: hash or nerf (train)");
+  options->Add("preset", &run->preset, "report: the original NeRF as the report trained it (train)");
   options->Add("max-frames", &run->max_frames, "most frames taken from a video (ingest)");
   options->Add("frames", &run->frames, "A:B, range of video frames to use (ingest)");
   options->Add("max-size", &run->max_size, "longest side, pixels, for finding poses (ingest)");

@@ -4,48 +4,27 @@
 
 #include "io/error.h"
 #include "io/transforms.h"
-#include "nerf/trainer.h"
 #include "pipeline/stage.h"
 #include "pipeline/stages.h"
+#include "pipeline/torch_program.h"
+#include "pipeline/train_options.h"
 
 namespace pipeline {
 namespace {
 
 void TrainStage(int argc, const char* const* argv) {
   CommonOptions common;
-  nerf::TrainOptions train;
-  std::string field = "hash", time = "3m";
+  TrainFlags flags;
   Options options("pipeline train",
                   "Trains the radiance field of a run folder's normalised scene; Ctrl-C saves, the same "
                   "command continues.");
   AddCommonOptions(&options, &common);
-  options.Add("field", &field, "radiance field: hash (multi-resolution hash grid)");
-  options.Add("time", &time, "training budget: 30s, 3m, 1h; learning rate and sampling follow it");
-  options.Add("steps", &train.steps, "train for exactly this many steps instead of --time; 0 = by time");
-  options.Add("seed", &train.seed, "random seed; with --steps the same seed gives the same bytes");
-  options.Add("batch", &train.samples_per_step, "samples per step");
-  options.Add("learning-rate", &train.learning_rate, "first learning rate of Adam");
-  options.Add("log2-hashmap-size",
-              &train.field.log2_hashmap_size,
-              "log2 of the entries of a hashed level; 0 = derived");
-  options.Add(
-      "finest-resolution", &train.field.finest_resolution, "cells per axis of the finest level; 0 = derived");
-  options.Add("grid-resolution",
-              &train.field.grid_resolution,
-              "occupancy cells per axis, a multiple of 64; 0 = derived");
-  options.Add("checkpoint-every", &train.checkpoint_every_s, "seconds between checkpoints", false);
+  AddTrainOptions(&options, &flags);
   if (!options.Parse(argc, argv)) return;
-  if (field != "hash")
-    throw io::Error(io::ExitCode::kUsage, "--field: '" + field + "' is unknown", "The fields are: hash");
-  train.time_s = ParseDuration("time", time);
-  if (!(train.time_s > 0) || train.steps < 0 || train.samples_per_step < 1024 ||
-      train.samples_per_step > 1 << 22 || !(train.learning_rate > 0) || train.field.log2_hashmap_size < 0 ||
-      train.field.log2_hashmap_size > 24 || train.field.grid_resolution < 0 ||
-      train.field.grid_resolution > 512 || train.field.grid_resolution % 64 != 0 ||
-      train.field.finest_resolution < 0 || train.field.finest_resolution > 1 << 16) {
-    throw io::Error(io::ExitCode::kUsage, "pipeline train: an option is out of range", "See --help");
-  }
+  ApplyPreset(argc, argv, &options, &flags);
+  nerf::TrainOptions train = ResolvedTrainOptions(options, flags);
   train.threads = ResolvedThreads(common);
+  if (train.field.field == "nerf") ContinueWithTorch("train", argc, argv);
 
   const std::filesystem::path scene_folder = common.out / "scene";
   StageRun run("train", common, options, {scene_folder}, true);
@@ -70,7 +49,19 @@ void TrainStage(int argc, const char* const* argv) {
                 report.samples_per_ray,
                 100 * report.occupied_share);
   run.Decide(line);
-  run.Set("field", field);
+  if (report.gemm_gflops > 0) {
+    std::snprintf(line,
+                  sizeof line,
+                  "network arithmetic %.0f GFLOP/s, %.0f %% of the %.0f that plain matrix products of its "
+                  "size reach here",
+                  report.gflops,
+                  100 * report.gflops / report.gemm_gflops,
+                  report.gemm_gflops);
+    run.Decide(line);
+    run.Set("gflops", report.gflops);
+    run.Set("gemm_gflops", report.gemm_gflops);
+  }
+  run.Set("field", train.field.field);
   run.Set("parameters", static_cast<double>(report.parameters));
   run.Set("steps", static_cast<double>(report.steps));
   run.Set("train_s", report.train_s);

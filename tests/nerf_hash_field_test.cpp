@@ -105,6 +105,7 @@ TEST_F(HashFieldTest, ForwardMatchesTheTwin) {
   EXPECT_NEAR(sum, twin_.Probe(samples_, directions_, a_, b_), 2e-5);
 }
 
+// N33
 TEST_F(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   FieldRows rows;
   Forward(&rows);
@@ -158,6 +159,7 @@ TEST_F(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   EXPECT_LE(std::sqrt(error / norm), 1e-5);
 }
 
+// N15
 TEST_F(HashFieldTest, DensityIsFiniteAndGatedAtTheLimitOfTheExponent) {
   FieldRows rows;
   Forward(&rows);

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "nerf/kernels/reference.h"
@@ -39,6 +40,7 @@ INSTANTIATE_TEST_SUITE_P(Builds,
                          testing::Values("portable", "avx2", "avx512"),
                          [](const auto& test) { return test.param; });
 
+// N20
 TEST_P(KernelsTest, ExpKeepsItsErrorBoundOverItsRange) {
   constexpr int kCount = 400001;
   Floats x(kCount);
@@ -53,6 +55,7 @@ TEST_P(KernelsTest, ExpKeepsItsErrorBoundOverItsRange) {
   EXPECT_GT(worst, 1e-9) << "the sweep did not run";
 }
 
+// N20
 TEST_P(KernelsTest, ExpAtTheEndsOfItsRange) {
   const float inf = std::numeric_limits<float>::infinity();
   Floats x = {-1e30f, -inf, 200.f, inf, std::nanf(""), 0.f, -0.f};
@@ -66,6 +69,7 @@ TEST_P(KernelsTest, ExpAtTheEndsOfItsRange) {
   EXPECT_EQ(x[6], 1.f);
 }
 
+// N01
 TEST_P(KernelsTest, OpacityIsAccurateFromTinyToHugeOpticalDepth) {
   Floats x;
   for (int binade = -40; binade <= 7; ++binade) {
@@ -85,6 +89,7 @@ TEST_P(KernelsTest, OpacityIsAccurateFromTinyToHugeOpticalDepth) {
   EXPECT_TRUE(std::isnan(ends[3]));
 }
 
+// N21
 TEST_P(KernelsTest, SigmoidStaysWithinItsBoundAndInsideTheUnitInterval) {
   Floats x = Uniform(100001, 3, -80, 80), y = x;
   kernels_->sigmoid(static_cast<int>(y.size()), y.data());
@@ -126,9 +131,13 @@ TEST_P(KernelsTest, MatmulAndItsGradientForAwkwardSizes) {
   }
 }
 
+// N27
 TEST_P(KernelsTest, ReluAndMaskKeepNaN) {
   Floats x(16 * 32, std::nanf("")), w = Uniform(32 * 64, 1), y(16 * 64);
   kernels_->matmul(16, 32, 64, x.data(), w.data(), Epilogue::kRelu, nullptr, y.data());
+  for (const float value : y) ASSERT_TRUE(std::isnan(value));
+  const Floats mask(y.size(), 1.f);
+  kernels_->matmul(16, 32, 64, x.data(), w.data(), Epilogue::kMask, mask.data(), y.data());
   for (const float value : y) ASSERT_TRUE(std::isnan(value));
 }
 
@@ -186,6 +195,7 @@ TEST_P(GridKernelsTest, EncodeAndScatterMatchTheTwinOnDenseAndHashedLevels) {
   }
 }
 
+// N22, N23
 TEST_P(GridKernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntries) {
   const std::size_t n = 1003;
   Floats g, m(n), v(n), values = Uniform(n, 1);
@@ -211,6 +221,7 @@ TEST_P(GridKernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntr
   }
 }
 
+// N22
 TEST_P(GridKernelsTest, AdamStepIsBoundedForVanishingGradients) {
   for (float g0 = 1e-3f; g0 > 1e-19f; g0 *= 0.1f) {
     AdamStep step{.learning_rate = 1e-2f, .correction1 = 10, .correction2 = 100};
@@ -219,6 +230,39 @@ TEST_P(GridKernelsTest, AdamStepIsBoundedForVanishingGradients) {
     ASSERT_TRUE(std::isfinite(value[0]));
     ASSERT_LE(std::fabs(value[0]), 1.01f * step.learning_rate) << g0;
   }
+}
+
+// N33: each gradient is the transpose of its forward pass, <dy, A x> = <A^T dy, x>, in double.
+TEST(Reference, GradientsAreTransposes) {
+  const GridLevel level{.resolution = 11, .hash_mask = 255, .n_entries = 256};
+  const int n = 60;
+  Doubles position[3];
+  for (std::uint64_t i = 0; i < 3; ++i) position[i] = ToDouble(Uniform(n, i, 0, 1));
+  position[0][0] = 0, position[1][0] = 1, position[2][1] = 1;
+  const Doubles table = ToDouble(Uniform(256 * kFeatures, 4)), df = ToDouble(Uniform(n * kFeatures, 5));
+  Doubles features(df.size()), table_gradient(table.size());
+  const double *x = position[0].data(), *y = position[1].data(), *z = position[2].data();
+  reference::Encode(level, table.data(), x, y, z, n, features.data(), kFeatures);
+  reference::Scatter(level, df.data(), x, y, z, n, table_gradient.data());
+  const auto dot = [](const Doubles& a, const Doubles& b) {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+  };
+  EXPECT_NEAR(dot(df, features), dot(table_gradient, table), 1e-12);
+
+  const Doubles in = ToDouble(Uniform(n * 32, 6)), w = ToDouble(Uniform(32 * 16, 7)),
+                dy = ToDouble(Uniform(n * 16, 8)), head = ToDouble(Uniform(3 * 32, 9)),
+                dl = ToDouble(Uniform(n * 3, 10));
+  Doubles out(dy.size()), dw(w.size()), logits(dl.size()), dx(in.size()), dhead(head.size());
+  reference::Matmul<double>(n, 32, 16, in.data(), w.data(), Epilogue::kNone, nullptr, out.data());
+  reference::MatmulGradient(n, 32, 16, in.data(), dy.data(), dw.data());
+  EXPECT_NEAR(dot(dy, out), dot(dw, w), 1e-10);
+  reference::Head(n, 32, in.data(), head.data(), logits.data());
+  reference::HeadGradient(n, 32, in.data(), head.data(), dl.data(), dx.data(), dhead.data());
+  EXPECT_NEAR(dot(dl, logits), dot(dhead, head), 1e-10);
+  Doubles active = in;  // the gradient of the inputs passes where a ReLU had let them pass
+  for (double& value : active) value = std::max(value, 0.0);
+  reference::Head(n, 32, active.data(), head.data(), logits.data());
+  EXPECT_NEAR(dot(dl, logits), dot(dx, active), 1e-10);
 }
 
 TEST(Dispatch, PortableIsAlwaysThereAndUnknownNamesAreNot) {

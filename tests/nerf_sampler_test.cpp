@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "nerf/random.h"
 
@@ -155,6 +156,38 @@ TEST(Sampler, SlabTestSurvivesZeroComponentsAndFaces) {
   EXPECT_FALSE(hits({{0, 0, 3}, {0, 0, 1}}));
   EXPECT_TRUE(hits({{1, -3, 0}, {0, 1, 0}}));  // along a face
   EXPECT_TRUE(hits({{1e-30f, 1e-30f, -3}, {1e-38f, 0, 1}}));
+}
+
+// N39
+TEST(Sampler, DegenerateRangesGiveNoSamplesAndNoNegativeLength) {
+  const SpaceMap map{{0, 0, 0}, 1, false};
+  OccupancyGrid grid(64, map);
+  for (std::uint32_t c = 0; c < grid.n_cells(); ++c) grid.SetCandidate(c);
+  grid.Rebuild();
+  const auto march = [&](float near, float far, const Ray& ray) {
+    const Sampler sampler({.near = near, .far = far, .step_size = 0.01f}, map, grid);
+    float t, last;
+    sampler.Range(ray, &t, &last);
+    Samples samples;
+    sampler.March(ray, 1, last, 100000, &t, &samples);
+    for (const float delta : samples.delta) EXPECT_GT(delta, 0.f);
+    for (std::size_t i = 0; i < samples.t.size(); ++i) {
+      EXPECT_GE(samples.t[i], near);
+      EXPECT_LE(samples.t[i], last + 0.01f);
+      for (const float u : {samples.x[i], samples.y[i], samples.z[i]}) EXPECT_TRUE(u >= 0 && u <= 1);
+    }
+    return samples.size();
+  };
+  const Ray inside{{0, 0, 0}, {0, 0, 1}}, outside{{0, 0, -3}, {0, 0, 1}}, away{{0, 0, 3}, {0, 0, 1}};
+  for (const Ray& ray : {inside, outside, away}) {
+    EXPECT_EQ(march(2.5f, 2.5f, ray), 0);
+    EXPECT_EQ(march(5, 1, ray), 0);
+  }
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  EXPECT_NEAR(march(0, kInf, inside), 100, 1);
+  EXPECT_NEAR(march(0, kInf, outside), 200, 1);
+  EXPECT_EQ(march(0, kInf, away), 0);
+  EXPECT_NEAR(march(-0.5f, 6, inside), 150, 1);  // the caller's choice: also what lies behind the camera
 }
 
 TEST(OccupancyGrid, DistancesEqualBruteForce) {

@@ -59,6 +59,7 @@ class EvaluationTest : public testing::Test {
   std::string message_;
 };
 
+// N43
 TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
   const Evaluation result = Score(SphereField());
   ASSERT_EQ(result.views.size(), 4u);
@@ -83,12 +84,14 @@ TEST_F(EvaluationTest, KnownShadeGivesItsPsnr) {
   EXPECT_GT(result.flip, 0.01);
 }
 
+// N45
 TEST_F(EvaluationTest, RoundsToNearest) {
   nerf::RenderedView view{
       2, 1, {0.5f / 255 - 1e-4f, 0.5f / 255 + 1e-4f, -3.f, 2.f, 1.f, 254.6f / 255}, {0, 0}, {0, 0}};
   EXPECT_EQ(pipeline::QuantizeView(view).data, (std::vector<std::uint8_t>{0, 1, 0, 255, 255, 255}));
 }
 
+// N43
 TEST_F(EvaluationTest, NotFiniteIsAnErrorThatNamesThePixel) {
   nerf::RenderedView view{2, 1, std::vector<float>(6, 0.5f), {0, 0}, {0, 0}};
   view.rgb[4] = std::numeric_limits<float>::quiet_NaN();
@@ -130,6 +133,7 @@ TEST_F(EvaluationTest, FinishedRendersAreKept) {
   EXPECT_EQ(field.n_renders, 1);
 }
 
+// N12
 TEST_F(EvaluationTest, AlphaIsScoredOnWhite) {
   for (const io::Frame& frame : scene_.frames) {
     io::Image truth = io::MakeImage(60, 44, 4);  // all transparent black
@@ -144,6 +148,33 @@ TEST_F(EvaluationTest, AlphaIsScoredOnWhite) {
   const Evaluation result = pipeline::ScoreViews(scene_, folder_, {});
   EXPECT_TRUE(result.white_background);
   EXPECT_TRUE(result.views[0].identical);
+}
+
+// N12, N14: the truth's own composite on white is perfect, on any other background it is not, and the file
+// says which background was used.
+TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
+  pipeline::RenderViews(SphereField(), scene_, folder_, 1);
+  const auto score_on = [&](std::uint8_t background) {
+    for (const io::Frame& frame : scene_.frames) {
+      io::Image truth = io::MakeImage(60, 44, 4);
+      for (std::size_t i = 0; i < truth.data.size(); ++i)
+        truth.data[i] = static_cast<std::uint8_t>(i * 7 / 4);
+      io::WriteImage(frame.image_path, truth);
+      io::WriteImage(folder_ / "renders" / frame.image_path.filename(), io::CompositeOn(truth, background));
+    }
+    const Evaluation result = pipeline::ScoreViews(scene_, folder_, {});
+    pipeline::WriteScores(result, "blender", folder_);
+    return result.psnr_db;
+  };
+  EXPECT_LT(score_on(0), 10);
+  EXPECT_EQ(score_on(255), nerf::kMaxPsnrDb);
+  auto json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
+  EXPECT_EQ(json["background"], "white, straight alpha composited before scoring");
+  EXPECT_EQ(json["rounding"], "8-bit sRGB, nearest, both pictures");
+  WriteTruth(SphereField());
+  pipeline::WriteScores(pipeline::ScoreViews(scene_, folder_, {}), "capture", folder_);
+  json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
+  EXPECT_EQ(json["background"], "none");
 }
 
 TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {

@@ -120,6 +120,23 @@ TEST_F(Normalize, RunAgainIsUpToDateUntilAPictureChanges) {
   EXPECT_EQ(io::ReadFile(out_ / "scene/images/img3.png"), io::ReadFile(in_ / "images/img3.png"));
 }
 
+// N46
+TEST_F(Normalize, TestPicturesThatAreTrainingPicturesTooAreReported) {
+  const auto warnings = [&] {
+    int count = 0;
+    const Json record = Record();
+    for (const Json& line : record["decisions"])
+      count += line.get<std::string>() == "warning: 1 test pictures are training pictures too";
+    return count;
+  };
+  WriteCapture(in_, ".png", 0);
+  ASSERT_EQ(Run({"--poses", in_.string()}), 0);
+  EXPECT_EQ(warnings(), 0);
+  fs::copy_file(in_ / "images/img9.png", in_ / "images/img8.png", fs::copy_options::overwrite_existing);
+  ASSERT_EQ(Run({"--poses", in_.string()}), 0);
+  EXPECT_EQ(warnings(), 1);
+}
+
 TEST_F(Normalize, MissingPicturesAreNamed) {
   WriteCapture(in_, ".png", 0);
   fs::remove(in_ / "images/img5.png");

@@ -1,0 +1,39 @@
+// From the network's unbounded output to a density per scene unit, and the derivative.
+//
+//   softplus: sigma = log(1 + e^(x - 1)) [Barron et al. 2021], positive everywhere, so gradients never die;
+//   relu: sigma = max(x, 0) [Mildenhall et al. 2020], dead, gradient and all, for x <= 0.
+#pragma once
+
+#include <cmath>
+
+namespace nerf {
+
+enum class DensityActivation { kSoftplus, kRelu };
+
+// The shift makes a new network a thin fog of 0.31 per unit.
+inline constexpr double kSoftplusShift = 1.0;
+
+// Finite and monotone for every finite x; NaN stays NaN.
+template <typename Scalar>
+Scalar Density(DensityActivation activation, Scalar x) {
+  if (activation == DensityActivation::kRelu) return x <= Scalar(0) ? Scalar(0) : x;
+  const Scalar y = x - Scalar(kSoftplusShift);
+  return (y > Scalar(0) ? y : Scalar(0)) + std::log1p(std::exp(-std::fabs(y)));
+}
+
+// d sigma / d x.
+template <typename Scalar>
+Scalar DensityGradient(DensityActivation activation, Scalar x) {
+  if (activation == DensityActivation::kRelu)
+    return x > Scalar(0) ? Scalar(1) : x <= Scalar(0) ? Scalar(0) : x;
+  const Scalar y = x - Scalar(kSoftplusShift), e = std::exp(-std::fabs(y));
+  return (y >= Scalar(0) ? Scalar(1) : e) / (Scalar(1) + e);
+}
+
+template <typename Scalar>
+Scalar Sigmoid(Scalar x) {
+  const Scalar e = std::exp(-std::fabs(x));
+  return (x >= Scalar(0) ? Scalar(1) : e) / (Scalar(1) + e);
+}
+
+}  // namespace nerf

@@ -1,0 +1,131 @@
+// Training steps of the `hash` field: Adam on tables and networks, own kernels throughout.
+#include <cmath>
+
+#include "nerf/field_training.h"
+#include "nerf/train_shard.h"
+#include "nerf/trainer.h"
+
+namespace nerf {
+namespace {
+
+constexpr int kShards = 16;
+// Training follows a ray to a transmittance of 1e-3; in unbounded scenes, where thin leftovers behind the
+// surfaces would take most of the samples, to 2e-2. The loss closes what is left.
+constexpr float kEarlyStopDepth = 6.9f, kUnboundedEarlyStopDepth = 3.9f;
+constexpr int kMinRays = 256, kMaxRays = 1 << 17;
+// At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every one
+// is.
+constexpr std::uint64_t kProbeStride = 16, kSweepSteps = 256;
+
+class HashTraining : public FieldTraining {
+ public:
+  HashTraining(const Dataset& dataset, const TrainOptions& options, SceneField* scene_field, Workers* workers)
+      : dataset_(dataset),
+        options_(options),
+        scene_field_(scene_field),
+        field_(dynamic_cast<HashField&>(*scene_field->field)),
+        workers_(workers),
+        shards_(kShards),
+        scratch_(static_cast<std::size_t>(workers->n_threads())),
+        candidates_(scene_field->grid.Candidates()) {}
+
+  StepOutcome Step(double progress, TrainState* state) override;
+
+ private:
+  double LearningRate() const {
+    return options_.learning_rate > 0 ? options_.learning_rate : kHashLearningRate;
+  }
+  void Merge(double progress, const TrainState& state);
+
+  const Dataset& dataset_;
+  const TrainOptions& options_;
+  SceneField* scene_field_;
+  HashField& field_;
+  Workers* workers_;
+  std::vector<ShardResult> shards_;
+  std::vector<ShardScratch> scratch_;
+  std::vector<std::uint32_t> candidates_;  // cells that may hold something
+};
+
+StepOutcome HashTraining::Step(double progress, TrainState* state) {
+  BatchPlan plan{.seed = state->seed, .step = state->step, .n_rays = state->n_rays, .n_shards = kShards};
+  const double share = std::min(1.0, progress / options_.step_scale_share);
+  plan.step_scale = static_cast<float>(std::pow(options_.first_step_scale, 1.0 - share));
+  plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
+  const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
+  workers_->Run(kShards, [&](int shard, int thread) {
+    TrainShard(dataset_,
+               field_,
+               sampler,
+               plan,
+               shard,
+               &scratch_[static_cast<std::size_t>(thread)],
+               &shards_[static_cast<std::size_t>(shard)]);
+  });
+  StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
+  for (const ShardResult& shard : shards_) {
+    outcome.n_samples += shard.visited_cell.size();
+    outcome.loss += shard.loss / plan.n_rays;
+    outcome.opacity += shard.opacity / plan.n_rays;
+    outcome.squared_error += shard.squared_error / (3.0 * plan.n_rays);
+    if (!shard.finite) {
+      outcome.fault = "loss or gradient of ray " + std::to_string(shard.first_bad_ray);
+      return outcome;
+    }
+  }
+  Merge(progress, *state);
+  const std::uint64_t done = state->step + 1;
+  if (done % kRebuildEvery == 0) {
+    const std::uint64_t stride = done <= kSweepSteps ? 1 : kProbeStride;
+    ProbeOccupancy(candidates_, stride, state->seed, done, scene_field_, workers_);
+    scene_field_->grid.Rebuild();
+  }
+  state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
+  return outcome;
+}
+
+// Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and
+// occupancy.
+void HashTraining::Merge(double progress, const TrainState& state) {
+  const double tail =
+      std::max(0.0, progress - options_.learning_rate_hold) / (1.0 - options_.learning_rate_hold);
+  const auto t = static_cast<double>(state.step + 1);
+  kernels::AdamStep step;
+  step.learning_rate = static_cast<float>(LearningRate() * state.learning_rate_scale *
+                                          std::pow(options_.learning_rate_final, tail));
+  step.correction1 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta1}, t)));
+  step.correction2 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta2}, t)));
+  const int n_levels = static_cast<int>(field_.levels().size());
+  workers_->Run(n_levels + 1, [&](int task, int) {
+    if (task < n_levels) {
+      const int level = n_levels - 1 - task;  // the finest, slowest levels first
+      for (const ShardResult& shard : shards_) {
+        const float* gradients =
+            shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
+        field_.Scatter(level, gradients, shard.samples, shard.samples.size());
+      }
+      field_.StepTable(level, step);
+      return;
+    }
+    std::vector<float>& sum = shards_[0].weight_gradients;
+    for (std::size_t s = 1; s < shards_.size(); ++s) {
+      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += shards_[s].weight_gradients[i];
+    }
+    field_.StepWeights(step, sum.data());
+    for (const ShardResult& shard : shards_) {
+      for (std::size_t i = 0; i < shard.visited_cell.size(); ++i)
+        scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
+    }
+  });
+}
+
+}  // namespace
+
+std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
+                                                const TrainOptions& options,
+                                                SceneField* scene_field,
+                                                Workers* workers) {
+  return std::make_unique<HashTraining>(dataset, options, scene_field, workers);
+}
+
+}  // namespace nerf

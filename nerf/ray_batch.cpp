@@ -1,0 +1,65 @@
+#include "nerf/ray_batch.h"
+
+#include "nerf/random.h"
+
+namespace nerf {
+namespace {
+
+PixelTarget TargetOf(const Dataset& dataset, std::size_t pixel) {
+  const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
+  const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
+  PixelTarget target = {{}, alpha};
+  for (int j = 0; j < 3; ++j) target.premultiplied[j] = static_cast<float>(p[j]) / 255.f * alpha;
+  return target;
+}
+
+}  // namespace
+
+void DrawRays(
+    const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch) {
+  const auto rays = static_cast<std::uint64_t>(plan.n_rays),
+             shards = static_cast<std::uint64_t>(plan.n_shards);
+  const std::uint64_t first = rays * static_cast<std::uint64_t>(shard) / shards;
+  const std::uint64_t last = rays * static_cast<std::uint64_t>(shard + 1) / shards;
+  batch->rays.clear();
+  for (std::uint64_t id = first; id < last; ++id) {
+    Random random(plan.seed, Stream::kRay, plan.step, 2 * id);
+    const std::size_t pixel = random.Below(static_cast<std::uint32_t>(dataset.n_pixels()));
+    const View& view = dataset.ViewOf(pixel);
+    const int in_view = static_cast<int>(pixel - view.first_pixel);
+    BatchRay ray{.id = id,
+                 .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width),
+                 .target = TargetOf(dataset, pixel),
+                 .t = 0,
+                 .t_last = 0};
+    sampler.Range(ray.ray, &ray.t, &ray.t_last);
+    ray.t += random.Uniform() * sampler.Delta(plan.step_scale, ray.t);
+    batch->rays.push_back(ray);
+  }
+}
+
+bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch) {
+  Samples& wave = batch->wave;
+  wave.clear();
+  batch->wave_ray.clear();
+  batch->wave_first.clear();
+  for (std::size_t r = 0; r < batch->rays.size(); ++r) {
+    BatchRay& ray = batch->rays[r];
+    if (!ray.marching) continue;
+    batch->wave_ray.push_back(static_cast<int>(r));
+    batch->wave_first.push_back(wave.size());
+    const int wanted = std::min(plan.wave_samples, plan.max_samples - ray.n_kept);
+    ray.marching =
+        sampler.March(ray.ray, plan.step_scale, ray.t_last, wanted, &ray.t, &wave) == plan.wave_samples;
+  }
+  batch->wave_first.push_back(wave.size());
+  return wave.size() > 0;
+}
+
+std::vector<int> FirstSamples(const RayBatch& batch) {
+  std::vector<int> first = {0};
+  for (const BatchRay& ray : batch.rays) first.push_back(first.back() + ray.n_kept);
+  return first;
+}
+
+}  // namespace nerf

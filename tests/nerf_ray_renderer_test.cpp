@@ -1,0 +1,94 @@
+// Rendered rays of a field that is known in closed form: a grey fog, or nothing.
+#include "nerf/ray_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "nerf/volume_rendering.h"
+
+namespace nerf {
+namespace {
+
+// A field without weights is a fog of exp(-1) per unit and of colour 0.5 everywhere.
+class RayRenderer : public testing::Test {
+ protected:
+  static constexpr std::size_t kFirstLayer = 32 * 64, kWeights = 9408;
+
+  RayRenderer()
+      : fog_({{0, 0, 0}, 50, false},
+             {.near = 0, .far = 1000, .step_size = 0.1f},
+             std::make_unique<HashField>(
+                 HashFieldOptions{
+                     .n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40},
+                 1),
+             64) {
+    SetWeights(kWeights, 0.f);
+  }
+
+  void Fill() {
+    for (std::uint32_t cell = 0; cell < fog_.grid.n_cells(); ++cell) fog_.grid.SetCandidate(cell);
+    fog_.grid.Rebuild();
+  }
+
+  void SetWeights(std::size_t n, float value) {
+    for (auto& tensor : fog_.field->State()) {
+      if (tensor.name != "weights") continue;
+      std::fill(tensor.values->begin(), tensor.values->begin() + static_cast<std::ptrdiff_t>(n), value);
+    }
+    fog_.field->Refresh();
+  }
+
+  RenderedRay RenderAlong(const Ray& ray) {
+    Workers workers(1);
+    return RenderRays(fog_, {&ray, 1}, 1.f, &workers)[0];
+  }
+
+  SceneField fog_;
+};
+
+// N08, N09
+TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
+  Fill();
+  for (const float length : {1.f, 5.f, 20.f, 80.f}) {
+    const RenderedRay ray = RenderAlong({{0, 0, 50 - length}, {0, 0, 1}});
+    const double exact = std::exp(-length * std::exp(-1.0));
+    // The last interval may reach over the end of the ray by its length, 0.1.
+    EXPECT_NEAR(ray.transmittance, exact, 0.04 * exact + kEarlyStopTransmittance) << length;
+    EXPECT_GT(ray.transmittance, 0.f);
+    for (const float c : ray.rgb) EXPECT_NEAR(c, 0.5f * (1 - ray.transmittance), 1e-6 * length + 1e-6);
+  }
+  const float stopped = RenderAlong({{0, 0, -30}, {0, 0, 1}}).transmittance;
+  EXPECT_LT(stopped, kEarlyStopTransmittance);
+  EXPECT_GT(stopped, 0.5f * kEarlyStopTransmittance) << "the wave after the stop was still followed";
+}
+
+// N07: no division by an opacity of 0.
+TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
+  fog_.grid.Rebuild();
+  const RenderedRay inside = RenderAlong({{0, 0, -100}, {0, 0, 1}}),
+                    past = RenderAlong({{0, 0, 60}, {0, 0, 1}});
+  for (const RenderedRay& ray : {inside, past}) {
+    EXPECT_EQ(ray.transmittance, 1.f);
+    for (const float c : ray.rgb) EXPECT_EQ(c, 0.f);
+    EXPECT_TRUE(std::isfinite(ray.depth));
+  }
+  EXPECT_EQ(inside.depth, 150.f);
+}
+
+// N27: the first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
+TEST_F(RayRenderer, NotANumberInTheFirstLayerReachesEveryOutput) {
+  Fill();
+  SetWeights(kWeights, 0.01f);
+  ASSERT_TRUE(std::isfinite(RenderAlong({{0, 0, 49}, {0, 0, 1}}).transmittance));
+  SetWeights(kFirstLayer, std::numeric_limits<float>::quiet_NaN());
+  const RenderedRay ray = RenderAlong({{0, 0, 49}, {0, 0, 1}});
+  EXPECT_TRUE(std::isnan(ray.transmittance));
+  for (const float c : ray.rgb) EXPECT_TRUE(std::isnan(c));
+}
+
+}  // namespace
+}  // namespace nerf
