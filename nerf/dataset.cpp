@@ -16,6 +16,11 @@ RayCamera::RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam
     throw Error(
         ExitCode::kBadInput, "camera has lens distortion", "Run `pipeline normalize`, which undistorts");
   }
+  // One check here keeps NaN out of every ray, and so out of the grid's indices.
+  if (!world_from_cam.rotation.allFinite() || !world_from_cam.translation.allFinite() ||
+      !std::isfinite(camera.cx + camera.cy + 1.0 / camera.fl_x + 1.0 / camera.fl_y)) {
+    throw Error(ExitCode::kBadInput, "a camera has a pose or intrinsics that are not finite");
+  }
   inv_fl_x_ = static_cast<float>(1.0 / camera.fl_x);
   inv_fl_y_ = static_cast<float>(1.0 / camera.fl_y);
   cx_ = static_cast<float>(camera.cx - (pixel_offset - 0.5));

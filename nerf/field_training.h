@@ -27,6 +27,8 @@ class FieldTraining {
   // Step number state->step with state->n_rays rays; chooses the number of rays of the next one. progress:
   // share of the run, in [0, 1).
   virtual StepOutcome Step(double progress, TrainState* state) = 0;
+  // What computes: "avx512 kernels", "LibTorch 1.13.0 (CPU), bf16".
+  virtual std::string Arithmetic() const = 0;
   // The machine's rate of the products that the network consists of, measured now; 0 where nobody asks.
   virtual double GemmGflops() const { return 0; }
 };

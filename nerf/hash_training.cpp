@@ -30,6 +30,7 @@ class HashTraining : public FieldTraining {
         candidates_(scene_field->grid.Candidates()) {}
 
   StepOutcome Step(double progress, TrainState* state) override;
+  std::string Arithmetic() const override { return std::string(kernels::ActiveKernels().name) + " kernels"; }
 
  private:
   double LearningRate() const {

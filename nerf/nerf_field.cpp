@@ -38,12 +38,13 @@ NerfFieldOptions OptionsFrom(const FieldConfig& config) {
                        flag("identity"),
                        flag("direction_times_pi")};
   options.scene_units = flag("scene_units");
-  options.density = flag("relu_density") ? DensityActivation::kRelu : DensityActivation::kSoftplus;
+  options.density = static_cast<DensityActivation>(static_cast<int>(get("density_activation", 0, 2)));
   options.pixel_centres = flag("pixel_centres");
   options.quadrature = {static_cast<int>(get("samples", 0, kMaxSamples)),
                         static_cast<int>(get("importance_samples", 0, kMaxSamples)),
                         flag("open_end")};
   options.bf16 = flag("bf16");
+  options.device = flag("cuda") ? "cuda" : "cpu";
   return options;
 }
 
@@ -94,12 +95,13 @@ FieldConfig NerfField::Config() const {
           {"direction_times_pi", options_.direction.times_pi},
           {"scene_units", options_.scene_units},
           {"contracted", contracted_},
-          {"relu_density", options_.density == DensityActivation::kRelu},
+          {"density_activation", static_cast<double>(options_.density)},
           {"pixel_centres", options_.pixel_centres},
           {"samples", options_.quadrature.n_samples},
           {"importance_samples", options_.quadrature.n_importance},
           {"open_end", options_.quadrature.open_end},
-          {"bf16", options_.bf16}};
+          {"bf16", options_.bf16},
+          {"cuda", options_.device == "cuda"}};
 }
 
 std::vector<Tensor> NerfField::State() {

@@ -72,13 +72,18 @@ void Sampler::Place(const Ray& ray,
     float x[3], unit[3];
     for (int j = 0; j < 3; ++j) x[j] = ray.origin[j] + t[i] * ray.direction[j];
     map_.ToUnit(x, unit);
+    const std::uint32_t cell = grid_.CellAt(unit);
+    // Outside a bounded cube positions go on in its coordinates: clamped to a face they would share its
+    // density.
+    for (int j = 0; j < 3 && !map_.unbounded; ++j)
+      unit[j] = (x[j] - map_.centre[static_cast<std::size_t>(j)]) / map_.half * 0.5f + 0.5f;
     const float* at = options_.scene_units ? x : unit;
     samples->x.push_back(at[0]);
     samples->y.push_back(at[1]);
     samples->z.push_back(at[2]);
     samples->delta.push_back(delta[i]);
     samples->t.push_back(t[i]);
-    samples->cell.push_back(grid_.CellAt(unit));
+    samples->cell.push_back(cell);
   }
 }
 

@@ -126,7 +126,11 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
       sampling.step_size = static_cast<float>((scene.far - scene.near) / kReportSamples);
     }
     auto network = std::make_unique<NerfField>(nerf, map.unbounded, seed);
-    size = std::to_string(network->n_parameters()) + " weights, " + network->network(0).Describe();
+    size = std::to_string(network->n_parameters()) + " weights";
+    if (nerf.quadrature.n_samples > 0) {
+      size += ", " + std::to_string(nerf.quadrature.n_samples + nerf.quadrature.n_importance) +
+              " samples per ray, from near to far, not by intervals";
+    }
     field = std::move(network);
   } else {
     HashFieldOptions hash;

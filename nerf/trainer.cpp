@@ -240,7 +240,7 @@ TrainReport Trainer::Run() {
   report_.occupied_share = scene_field_->grid.OccupiedShare();
   report_.skipped_steps = state_.skipped_steps;
   report_.restarts = state_.restarts;
-  report_.kernels = kernels::ActiveKernels().name;
+  report_.arithmetic = training_->Arithmetic();
   return report_;
 }
 

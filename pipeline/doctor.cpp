@@ -14,7 +14,7 @@ constexpr double kSlowSgemmGflops = 60;
 
 template <typename... Values>
 void Row(const char* name, const char* format, Values... values) {
-  std::printf("%-8s", name);
+  std::printf("%-9s", name);
   std::printf(format, values...);
   std::printf("\n");
 }
@@ -61,6 +61,7 @@ int RunDoctor(int argc, const char* const* argv) {
 
     const bool has_colmap = Report("COLMAP", FindColmap(), "colmap");
     const bool has_ffmpeg = Report("ffmpeg", FindFfmpeg(), "ffmpeg");
+    Report("LibTorch", FindTorch(), "libtorch-dev");  // only --field nerf needs it
     for (const StageEntry& stage : StageTable()) StageProgram(stage.name);
     if (!has_colmap || !has_ffmpeg) {
       const std::string missing = has_colmap ? "ffmpeg" : has_ffmpeg ? "COLMAP" : "COLMAP and ffmpeg";

@@ -24,7 +24,16 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
                               checkpoint = common.out / "train/checkpoint.bin";
   StageRun stage("evaluate", common, bound, {scene_folder, checkpoint}, true);
   if (stage.IsUpToDate()) return;
-  const io::Scene test = io::ReadTransforms(scene_folder / "transforms_test.json").scene;
+  io::Scene test = io::ReadTransforms(scene_folder / "transforms_test.json").scene;
+  if (options.every > 1) {
+    const std::size_t n_all = test.frames.size();
+    std::vector<io::Frame> kept;
+    for (std::size_t i = 0; i < n_all; i += static_cast<std::size_t>(options.every))
+      kept.push_back(test.frames[i]);
+    test.frames = std::move(kept);
+    stage.Decide("scored " + std::to_string(test.frames.size()) + " of " + std::to_string(n_all) +
+                 " held-out views");
+  }
   const std::string protocol = ProtocolName(common.out);
   RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
   const Evaluation result = ScoreViews(test, stage.folder(), options);
@@ -63,9 +72,11 @@ int RunEvaluate(int argc, const char* const* argv) {
         "Scores the trained field on the held-out views: PSNR, SSIM and FLIP per picture, and strips\n"
         "truth | render | error, worst first.");
     AddCommonOptions(&bound, &common);
+    bound.Add("every", &options.every, "score every n-th held-out view only, for slow fields; 1 = all");
     bound.Add("max-strips", &options.max_strips, "comparison strips to write, worst views first");
     if (!bound.Parse(argc, argv)) return;
     if (options.max_strips < 0) throw io::Error(io::ExitCode::kUsage, "--max-strips: must not be negative");
+    if (options.every < 1) throw io::Error(io::ExitCode::kUsage, "--every: must be positive");
     options.threads = ResolvedThreads(common);
     if (nerf::FieldOfCheckpoint(common.out / "train/checkpoint.bin") == "nerf")
       ContinueWithTorch("evaluate", argc, argv);

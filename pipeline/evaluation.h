@@ -16,6 +16,7 @@ namespace pipeline {
 inline constexpr int kStripGap = 8;
 
 struct EvaluationOptions {
+  int every = 1;        // score every n-th held-out view
   int max_strips = 24;  // comparison strips to write, worst views first
   int threads = 1;
 };

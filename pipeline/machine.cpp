@@ -142,4 +142,12 @@ Program FindFfmpeg() {
   return program;
 }
 
+Program FindTorch() {
+  Program program;
+  program.path = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "pipeline-torch";
+  program.version = FirstMatch(OutputOf({program.path.string(), "--version"}), R"((LibTorch [^\n]*))");
+  if (program.version.empty()) program.fault = "does not start";
+  return program;
+}
+
 }  // namespace pipeline

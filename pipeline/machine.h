@@ -30,5 +30,8 @@ struct Program {
 };
 Program FindColmap();
 Program FindFfmpeg();  // can encode H.264 through libx264
+// `pipeline-torch`, which trains the `nerf` field; version says which LibTorch and how fast its matrix
+// products are.
+Program FindTorch();
 
 }  // namespace pipeline

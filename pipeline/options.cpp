@@ -266,9 +266,9 @@ void Options::PrintHelp() const {
     const std::string value = Dump(option->Value());
     const bool show = !option->positional && value != "\"\"";
     std::printf(
-        "  %-20s %s%s\n", left.c_str(), option->help.c_str(), show ? (" [" + value + "]").c_str() : "");
+        "  %-22s %s%s\n", left.c_str(), option->help.c_str(), show ? (" [" + value + "]").c_str() : "");
   }
-  std::printf("  %-20s %s\n", "--config", "JSON file with option values; flags win");
+  std::printf("  %-22s %s\n", "--config", "JSON file with option values; flags win");
 }
 
 double ParseDuration(const std::string& option_name, const std::string& text) {

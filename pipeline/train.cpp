@@ -40,11 +40,11 @@ void TrainStage(int argc, const char* const* argv) {
   char line[200];
   std::snprintf(line,
                 sizeof line,
-                "%llu steps in %.1f s with %s kernels: %.2f M samples/s, %.1f samples per ray, %.1f %% of "
+                "%llu steps in %.1f s with %s: %.3f M samples/s, %.1f samples per ray, %.1f %% of "
                 "the space occupied",
                 static_cast<unsigned long long>(report.steps),
                 report.train_s,
-                report.kernels.c_str(),
+                report.arithmetic.c_str(),
                 report.samples_per_s / 1e6,
                 report.samples_per_ray,
                 100 * report.occupied_share);

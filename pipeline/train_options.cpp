@@ -20,6 +20,13 @@ bool Choose(const std::string& option, const std::string& value, const char* fir
   return value == first;
 }
 
+nerf::DensityActivation DensityOf(const std::string& name) {
+  if (name == "softplus") return nerf::DensityActivation::kSoftplus;
+  if (name == "relu") return nerf::DensityActivation::kRelu;
+  if (name == "exp") return nerf::DensityActivation::kExp;
+  Unknown("density", name, "softplus, relu, exp");
+}
+
 void Require(bool holds, const std::string& text) {
   if (!holds) throw Error(ExitCode::kUsage, text, "See --help");
 }
@@ -47,6 +54,7 @@ void CheckRanges(const nerf::TrainOptions& train) {
   Require(train.nerf.rays >= 1 && train.nerf.rays <= kMaxRays, "--rays: must lie in 1 to 1048576");
   Require(train.nerf.learning_rate_final > 0 && train.nerf.learning_rate_final <= 1,
           "--learning-rate-decay: must lie in 0 to 1");
+  Require(train.nerf.learning_rate_warm_up >= 0, "--learning-rate-warm-up: must not be negative");
   for (const int frequencies : {field.nerf.position.frequencies, field.nerf.direction.frequencies})
     Require(frequencies >= 0 && frequencies <= kMaxFrequencies, "frequencies must lie in 0 to 20");
   Require(field.nerf.position.identity || field.nerf.position.frequencies > 0,
@@ -90,6 +98,9 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
   options->Add("learning-rate-decay",
                &train.nerf.learning_rate_final,
                "nerf: last learning rate as a share of the first; 1 = constant");
+  options->Add("learning-rate-warm-up",
+               &train.nerf.learning_rate_warm_up,
+               "nerf: steps over which the learning rate rises from 0");
   options->Add("white-background",
                &train.nerf.white_background,
                "nerf: pictures with alpha on white only, not on all backgrounds");
@@ -104,7 +115,7 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
   options->Add("encoding-space",
                &flags->encoding_space,
                "nerf: cube (pi 2^k, the scene fills [-1, 1]) or scene (2^k, scene units)");
-  options->Add("density", &flags->density, "nerf: density activation, softplus or relu");
+  options->Add("density", &flags->density, "nerf: density activation: softplus, relu or exp");
   options->Add("initialisation", &flags->initialisation, "nerf: xavier, or uniform as LibTorch's own");
   options->Add("pixel-centres",
                &nerf.pixel_centres,
@@ -145,8 +156,7 @@ nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags
     nerf.position.frequencies = nerf.direction.frequencies = 0;
     nerf.position.identity = nerf.direction.identity = true;
   }
-  nerf.density = Choose("density", flags.density, "softplus", "relu") ? nerf::DensityActivation::kSoftplus
-                                                                      : nerf::DensityActivation::kRelu;
+  nerf.density = DensityOf(flags.density);
   nerf.initialisation = Choose("initialisation", flags.initialisation, "xavier", "uniform")
                             ? nerf::Initialisation::kXavier
                             : nerf::Initialisation::kUniform;

@@ -100,7 +100,7 @@ TEST(Numerics, SigmoidAndSoftplusHoldFourUlpAndDoNotOverflow) {
   });
   for (int i = -200 * 64; i <= 200 * 64; ++i) {  // on this grid the shift of the softplus is exact
     const float x = static_cast<float>(i) / 64.f;
-    const double y = static_cast<double>(x) - kSoftplusShift;
+    const double y = static_cast<double>(x) - kDensityShift;
     ASSERT_LE(Ulps(Sigmoid(x), sigmoid(static_cast<double>(x))), 4) << x;
     ASSERT_LE(Ulps(Density(DensityActivation::kSoftplus, x),
                    std::max(y, 0.0) + std::log1p(std::exp(-std::fabs(y)))),
@@ -111,6 +111,21 @@ TEST(Numerics, SigmoidAndSoftplusHoldFourUlpAndDoNotOverflow) {
   EXPECT_GE(Sigmoid(-104.f), 0.f);
   EXPECT_EQ(Sigmoid(-kInf), 0.f);
   EXPECT_EQ(Sigmoid(kInf), 1.f);
+}
+
+// N15
+TEST(Numerics, ExponentialDensityIsFiniteAndMonotoneAndEndsAtItsLimit) {
+  float last = 0;
+  for (int i = -2000; i <= 2000; ++i) {
+    const float x = static_cast<float>(i) / 10.f, sigma = Density(DensityActivation::kExp, x);
+    const float gradient = DensityGradient(DensityActivation::kExp, x);
+    ASSERT_TRUE(std::isfinite(sigma) && std::isfinite(gradient)) << x;
+    ASSERT_GE(sigma, last) << x;
+    ASSERT_EQ(gradient, x - 1.f > 15.f ? 0.f : sigma) << x;
+    last = sigma;
+  }
+  EXPECT_EQ(last, std::exp(15.f));
+  EXPECT_TRUE(std::isnan(Density(DensityActivation::kExp, std::nanf(""))));
 }
 
 template <typename Scalar>

@@ -4,14 +4,13 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <fstream>
 
 #include "io/atomic_file.h"
 #include "io/error.h"
 #include "io/hash.h"
-#include "io/image.h"
 #include "nerf/trained_field.h"
+#include "tests/ball_scene.h"
 #include "tests/temp_dir.h"
 
 namespace nerf {
@@ -19,52 +18,8 @@ namespace {
 
 constexpr int kSize = 48;
 
-// A ball of radius 0.8 at the origin with a smooth colour pattern; elsewhere transparent or, opaque, the
-// painted walls of a cubic room of half side 5, which lies far outside the region of interest.
-void WriteView(const std::filesystem::path& path,
-               const io::Camera& camera,
-               const io::Rigid3d& pose,
-               bool opaque) {
-  io::Image image = io::MakeImage(camera.width, camera.height, 4);
-  for (int y = 0; y < camera.height; ++y) {
-    for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector3d d = pose.rotation * *io::RayFromImg(camera, {x + 0.5, y + 0.5}),
-                            o = pose.translation;
-      const double b = o.dot(d), discriminant = b * b - o.squaredNorm() + 0.64;
-      std::uint8_t* p = image.Pixel(x, y);
-      const bool hit = discriminant > 0;
-      double wall = 1e9;
-      for (int c = 0; c < 3; ++c) wall = std::min(wall, (std::copysign(5.0, d[c]) - o[c]) / d[c]);
-      const Eigen::Vector3d at =
-          hit ? Eigen::Vector3d((o + (-b - std::sqrt(discriminant)) * d) / 0.8) : o + wall * d;
-      for (int c = 0; c < 3; ++c)
-        p[c] = static_cast<std::uint8_t>(
-            std::lround(127.5 + 60 * std::sin(4 * at[c] + c) + 40 * std::sin(3 * at[(c + 1) % 3])));
-      p[3] = hit || opaque ? 255 : 0;
-    }
-  }
-  io::WriteImage(path, image);
-}
-
 io::Scene MakeScene(const std::filesystem::path& folder, int n_views, double phase, bool opaque) {
-  io::Scene scene;
-  scene.aabb = {Eigen::Vector3d::Constant(-1.2), Eigen::Vector3d::Constant(1.2)};
-  scene.cameras = {
-      {.width = kSize, .height = kSize, .fl_x = 60, .fl_y = 60, .cx = kSize / 2., .cy = kSize / 2.}};
-  for (int i = 0; i < n_views; ++i) {
-    const double angle = 2 * M_PI * (i + phase) / n_views, height = 0.5 * std::sin(3 * angle);
-    const Eigen::Vector3d centre = 4 * Eigen::Vector3d(std::cos(angle), std::sin(angle), height).normalized();
-    io::Rigid3d pose;
-    pose.translation = centre;
-    pose.rotation.col(2) = centre.normalized();
-    pose.rotation.col(0) = Eigen::Vector3d::UnitZ().cross(centre).normalized();
-    pose.rotation.col(1) = pose.rotation.col(2).cross(pose.rotation.col(0));
-    const std::filesystem::path path =
-        folder / ("view_" + std::to_string(i) + "_" + std::to_string(phase > 0) + ".png");
-    WriteView(path, scene.cameras[0], pose, opaque);
-    scene.frames.push_back({path, 0, pose});
-  }
-  return scene;
+  return tests::BallScene(folder, n_views, phase, {.size = kSize, .opaque = opaque});
 }
 
 TrainOptions SmallOptions(int steps) {
