@@ -24,6 +24,7 @@ constexpr double kCollapseMarginDb = 0.1, kCollapseOpacity = 1e-3;
 constexpr int kMaxSkippedSteps = 3;
 constexpr double kMonitorGrowth = 1.5;  // monitoring moments grow geometrically ...
 constexpr double kFirstMonitorS = 1.0;  // ... from one second of training on
+constexpr double kMonitorShare = 0.2;   // and take at most this share of the training time
 
 double Seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
 
@@ -203,8 +204,10 @@ TrainReport Trainer::Run() {
     }
     now = elapsed();
     if (now >= next_monitor_s) {
+      const double before_s = excluded_s;
       excluding([&] { Monitor(now); });
-      next_monitor_s = std::max(now * kMonitorGrowth, next_monitor_s);
+      const double cost_s = excluded_s - before_s;
+      next_monitor_s = std::max({now * kMonitorGrowth, next_monitor_s, now + cost_s / kMonitorShare});
     }
     if (now >= next_save_s) {
       excluding([&] { Save(now); });

@@ -2,6 +2,7 @@
 
 #include <cblas.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -145,6 +146,10 @@ Program FindFfmpeg() {
 Program FindTorch() {
   Program program;
   program.path = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "pipeline-torch";
+  if (access(program.path.c_str(), X_OK) != 0) {
+    program.fault = "is missing";
+    return program;
+  }
   program.version = FirstMatch(OutputOf({program.path.string(), "--version"}), R"((LibTorch [^\n]*))");
   if (program.version.empty()) program.fault = "does not start";
   return program;
