@@ -78,8 +78,7 @@ int RunEvaluate(int argc, const char* const* argv) {
     if (options.max_strips < 0) throw io::Error(io::ExitCode::kUsage, "--max-strips: must not be negative");
     if (options.every < 1) throw io::Error(io::ExitCode::kUsage, "--every: must be positive");
     options.threads = ResolvedThreads(common);
-    if (nerf::FieldOfCheckpoint(common.out / "train/checkpoint.bin") == "nerf")
-      ContinueWithTorch("evaluate", argc, argv);
+    if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("evaluate", argc, argv);
     Evaluate(common, options, bound);
   });
 }

@@ -58,8 +58,7 @@ int RunRender(int argc, const char* const* argv) {
     require(options.fps >= 1 && options.fps <= kMaxFps, "--fps: must lie in 1 to 240");
     require(options.width >= 0 && options.width <= kMaxWidth, "--size: must lie in 0 to 7680");
     options.threads = ResolvedThreads(common);
-    if (nerf::FieldOfCheckpoint(common.out / "train/checkpoint.bin") == "nerf")
-      ContinueWithTorch("render", argc, argv);
+    if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);
     Render(common, options, bound);
   });
 }

@@ -4,13 +4,17 @@
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <vector>
 
 #include "io/error.h"
 #include "nerf/mlp.h"
+#include "nerf/trained_field.h"
 
 namespace pipeline {
+
+bool NeedsTorch(const std::filesystem::path& checkpoint) {
+  return std::filesystem::exists(checkpoint) && nerf::FieldOfCheckpoint(checkpoint) == "nerf";
+}
 
 void ContinueWithTorch(const std::string& stage, int argc, const char* const* argv) {
   if (nerf::HasMlpFactory()) return;

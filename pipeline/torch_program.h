@@ -2,9 +2,14 @@
 // one that has it, for the `nerf` field.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 namespace pipeline {
+
+// Whether the checkpoint holds a `nerf` field. False when there is none: the stage then says which to run
+// first. Throws kBadState when it is damaged.
+bool NeedsTorch(const std::filesystem::path& checkpoint);
 
 // Returns when this process has LibTorch. Else replaces it by `pipeline-torch`, with the same arguments, or
 // throws kMissingTool when that is not beside it.

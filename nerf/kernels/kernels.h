@@ -7,9 +7,9 @@
 // stated.
 //
 // Error bounds against exact arithmetic (swept in tests/nerf_kernels_test.cpp):
-//   exp: relative error <= 2.5e-7 for x in [-87, 88]; below: e^-87 (not denormal); above: e^88; NaN stays NaN.
-//   1 - e^-x: relative error <= 5e-7 for x in [0, inf).
-//   sigmoid: relative error <= 6e-7.
+//   exp: relative error <= 2.5e-7 for x in [-87, 88], e^-87 below (not denormal), e^88 above, NaN stays;
+//   1 - e^-x: relative error <= 5e-7 for x in [0, inf);
+//   sigmoid: relative error <= 6e-7;
 //   matmul: |error| <= 2 k 2^-24 sum |x||w|.
 #pragma once
 
