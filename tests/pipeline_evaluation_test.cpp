@@ -12,7 +12,9 @@
 #include "io/atomic_file.h"
 #include "io/error.h"
 #include "nerf/metrics.h"
+#include "pipeline/stages.h"
 #include "tests/sphere_field.h"
+#include "tests/temp_dir.h"
 
 namespace {
 
@@ -199,6 +201,16 @@ TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {
   twins.frames[1].image_path = twins.frames[0].image_path;
   EXPECT_EQ(CodeOf([&] { pipeline::RenderViews(SphereField(), twins, folder_, 1); }),
             io::ExitCode::kBadInput);
+}
+
+// The field's kind is read before anything else, to decide about LibTorch: a missing checkpoint is no damaged
+// one.
+TEST(Evaluation, WithoutTrainingTheMissingInputIsNamed) {
+  const TempDir dir;
+  const std::string out = dir.path().string();
+  const char* const argv[] = {"pipeline-evaluate", "--out", out.c_str()};
+  EXPECT_EQ(pipeline::RunEvaluate(3, argv), static_cast<int>(io::ExitCode::kBadInput));
+  EXPECT_EQ(pipeline::RunRender(3, argv), static_cast<int>(io::ExitCode::kBadInput));
 }
 
 }  // namespace
