@@ -92,7 +92,6 @@ void WriteOutputs(const sfm::Reconstruction& result,
   const io::Scene undistorted = sfm::UndistortScene(scene, folder / "images", threads);
   io::WritePly(folder / "points.ply", undistorted.points);
   io::WriteTransforms(folder / "transforms.json", undistorted, "points.ply");
-  fs::rename(result.sparse_folder, folder / "sparse");
   fs::rename(result.database, folder / "database.db");
   fs::rename(result.log, folder / "colmap.log");
 }
@@ -148,13 +147,19 @@ int RunSfm(int argc, const char* const* argv) {
                     "Finds where each picture of DIR/ingest was taken and undistorts it (COLMAP).");
     AddCommonOptions(&options, &common);
     options.Add("features", &settings.features, "SIFT features per picture");
+    options.Add("detect-size",
+                &settings.max_image_size,
+                "longer side of the picture in which features are detected [px]; 0 = full size");
+    options.Add("detector", &settings.detector, "whose SIFT: opencv or colmap");
     options.Add(
-        "camera-model", &settings.camera_model, "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
+        "camera-model",
+        &settings.camera_model,
+        "auto (as simple as the data allow), SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
     options.Add(
         "matching", &settings.matching, "auto, exhaustive, likely (most alike pairs) or sequential (video)");
     options.Add("retry-minutes",
                 &settings.retry_minutes,
-                "ceiling for matching in a second, stronger attempt; 0 = no second attempt");
+                "ceiling for further attempts with stronger settings; 0 = none");
     if (!options.Parse(argc, argv)) return;
     settings.threads = ResolvedThreads(common);
 
@@ -169,7 +174,7 @@ int RunSfm(int argc, const char* const* argv) {
         pictures, ingest / "images", work, settings, [&](const std::string& line) { stage.Decide(line); });
     WriteOutputs(result, ingest / "images", stage.folder(), settings.threads);
     fs::remove_all(work);
-    stage.AddChildUse(result.cpu_s, result.peak_rss_bytes);
+    stage.AddChildUse(result.colmap_cpu_s, result.peak_rss_bytes);
     RecordFigures(result, pictures.size(), &stage);
     stage.Finish();
   });

@@ -4,16 +4,18 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
+#include <atomic>
+#include <exception>
 #include <fstream>
 #include <functional>
-#include <set>
+#include <thread>
 
 #include "io/atomic_file.h"
+#include "io/colmap_model.h"
 #include "io/error.h"
+#include "io/interrupt.h"
 #include "io/process.h"
 #include "io/progress.h"
-#include "sfm/colmap_database.h"
 
 namespace sfm {
 namespace {
@@ -24,13 +26,14 @@ using io::ExitCode;
 
 // Limits against hanging: ten times what the slowest supported machine was seen to need.
 constexpr double kExtractionLimitS = 300, kExtractionLimitPerPictureS = 60;
-constexpr double kMatchingLimitS = 300, kMatchingLimitPerPairS = 20;
+constexpr double kVerifyingLimitS = 300, kVerifyingLimitPerPairS = 5;
 constexpr double kMappingLimitS = 1800, kMappingLimitPerPictureS = 60;
 constexpr double kHelpLimitS = 60;
 // COLMAP's threads reserve much more address space than they touch; this still stops a run-away reader.
 constexpr std::size_t kMaxMemoryBytes = std::size_t{16} << 30;
-// Pairs per call of the matcher: some seconds of work, so that progress shows and a ceiling can hold.
-constexpr std::size_t kPairsPerCall = 100;
+// Pairs per process: about a second of work, so that progress shows. COLMAP draws its random samples per
+// process, so this number is part of the result and must not depend on the machine.
+constexpr std::size_t kPairsPerShard = 128;
 constexpr int kLogLines = 8;
 
 std::string Joined(const std::vector<std::string>& lines) {
@@ -51,18 +54,6 @@ std::string HelpText(const fs::path& program, const std::string& command, const 
                 "Reinstall it (apt-get install --reinstall colmap)");
   }
   return text;
-}
-
-// Known focal length, principal point in the middle, no distortion, in the order of COLMAP's camera models.
-std::string CameraParams(const CameraGroup& group, const std::string& model) {
-  const std::string f = std::to_string(group.focal_px);
-  const std::string focal = model == "PINHOLE" || model == "OPENCV" ? f + "," + f : f;
-  const std::string distortion = model == "SIMPLE_RADIAL" ? ",0"
-                                 : model == "RADIAL"      ? ",0,0"
-                                 : model == "OPENCV"      ? ",0,0,0,0"
-                                                          : "";
-  return focal + "," + std::to_string(group.width / 2.0) + "," + std::to_string(group.height / 2.0) +
-         distortion;
 }
 
 // Follows COLMAP's log and reports how many pictures a step has finished.
@@ -109,15 +100,14 @@ class LogProgress {
 struct Colmap::Step {
   std::string command;
   std::vector<std::string> arguments;
+  fs::path log;
   double limit_s = 0;
-  bool limit_is_ceiling = false;        // running out of time is an answer, not a failure
   bool exit_one_means_nothing = false;  // the mapper's answer when it finds no initial pair
   std::function<void()> on_tick;
 };
 
-Colmap::Colmap(fs::path images_folder, fs::path work_folder, int threads)
-    : images_folder_(std::move(images_folder)),
-      work_folder_(std::move(work_folder)),
+Colmap::Colmap(fs::path work_folder, int threads)
+    : work_folder_(std::move(work_folder)),
       database_(work_folder_ / "database.db"),
       log_path_(work_folder_ / "colmap.log"),
       threads_(threads) {
@@ -140,15 +130,17 @@ bool Colmap::Run(const Step& step) {
   const io::ProcessReport report = io::RunProcess(argv,
                                                   {.timeout_s = step.limit_s,
                                                    .memory_bytes = memory_bytes_,
-                                                   .log_path = log_path_,
+                                                   .log_path = step.log,
                                                    .working_dir = work_folder_,
                                                    .on_tick = step.on_tick});
-  cpu_s_ += report.cpu_s;
-  peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
+  {
+    const std::lock_guard lock(mutex_);
+    cpu_s_ += report.cpu_s;
+    peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
+  }
   if (report.Ok()) return true;
-  if (report.timed_out && step.limit_is_ceiling) return false;
   if (step.exit_one_means_nothing && report.signal == 0 && report.exit_code == 1) return false;
-  const std::string tail = io::LogTail(log_path_, kLogLines);
+  const std::string tail = io::LogTail(step.log, kLogLines);
   const bool out_of_memory =
       !report.timed_out && (report.signal == SIGKILL || tail.find("bad_alloc") != std::string::npos);
   if (out_of_memory) {
@@ -163,113 +155,159 @@ bool Colmap::Run(const Step& step) {
   throw Error(ExitCode::kMissingTool, "colmap " + step.command + " " + how + "; its last lines:\n" + tail);
 }
 
-void Colmap::ExtractFeatures(const std::vector<CameraGroup>& groups, const ExtractionOptions& options) {
-  int total = 0, done = 0;
-  for (const CameraGroup& group : groups) total += static_cast<int>(group.names.size());
-  const fs::path list_path = work_folder_ / "image_list.txt";
-  std::set<std::string> wanted;
+void Colmap::CreateDatabase(const fs::path& path) {
+  fs::remove(path);
+  Run({.command = "database_creator",
+       .arguments = {"--database_path", path.string()},
+       .log = log_path_,
+       .limit_s = kHelpLimitS});
+}
+
+std::vector<Features> Colmap::ExtractFeatures(const fs::path& images_folder,
+                                              const std::vector<CameraGroup>& groups,
+                                              const std::vector<std::string>& names,
+                                              const FeatureOptions& options) {
+  int done = 0;
+  const fs::path list_path = work_folder_ / "image_list.txt", database = work_folder_ / "features.db";
   for (const CameraGroup& group : groups) {
     io::WriteFileAtomically(list_path, Joined(group.names));
-    Step step{
-        .command = "feature_extractor",
-        .arguments = {"--database_path",
-                      database_.string(),
-                      "--image_path",
-                      images_folder_.string(),
-                      "--image_list_path",
-                      list_path.string(),
-                      "--ImageReader.single_camera",
-                      "1",
-                      "--ImageReader.camera_model",
-                      options.camera_model,
-                      flags_.extraction_use_gpu,
-                      "0",
-                      flags_.extraction_threads,
-                      std::to_string(threads_),
-                      flags_.extraction_image_size,
-                      std::to_string(std::max(group.width, group.height)),
-                      flags_.extraction_features,
-                      std::to_string(options.max_features)},
-        .limit_s = kExtractionLimitS + kExtractionLimitPerPictureS * static_cast<double>(group.names.size())};
-    if (group.focal_px > 0) {
-      step.arguments.push_back("--ImageReader.camera_params");
-      step.arguments.push_back(CameraParams(group, options.camera_model));
-    }
-    LogProgress progress(log_path_, "sfm: features", "Processed file [", done, total);
-    step.on_tick = [&] { progress.Tick(); };
-    Run(step);
+    LogProgress progress(
+        log_path_, "sfm: features", "Processed file [", done, static_cast<int>(names.size()));
+    const int longer = std::max(group.width, group.height);
+    const int size = options.max_image_size > 0 ? std::min(longer, options.max_image_size) : longer;
+    Run({.command = "feature_extractor",
+         .arguments = {"--database_path",
+                       database.string(),
+                       "--image_path",
+                       images_folder.string(),
+                       "--image_list_path",
+                       list_path.string(),
+                       "--ImageReader.single_camera",
+                       "1",
+                       flags_.extraction_use_gpu,
+                       "0",
+                       flags_.extraction_threads,
+                       std::to_string(threads_),
+                       flags_.extraction_image_size,
+                       std::to_string(size),
+                       flags_.extraction_features,
+                       std::to_string(options.max_features)},
+         .log = log_path_,
+         .limit_s = kExtractionLimitS + kExtractionLimitPerPictureS * static_cast<double>(group.names.size()),
+         .on_tick = [&] { progress.Tick(); }});
     progress.Finish();
     done += static_cast<int>(group.names.size());
-    wanted.insert(group.names.begin(), group.names.end());
   }
+  std::vector<Features> features = ReadFeatures(database, names);
   fs::remove(list_path);
-  for (const PictureFeatures& picture : ReadFeatures(database_)) wanted.erase(picture.name);
-  if (!wanted.empty()) {
-    throw Error(ExitCode::kMissingTool,
-                "colmap feature_extractor reported success but skipped " + std::to_string(wanted.size()) +
-                    " pictures, first " + *wanted.begin() + "; its last lines:\n" +
-                    io::LogTail(log_path_, kLogLines));
+  fs::remove(database);
+  return features;
+}
+
+void Colmap::VerifyShard(const CapturedViews& views,
+                         const std::vector<PairMatches>& shard,
+                         std::size_t index) {
+  const std::string stem = "shard" + std::to_string(index);
+  const fs::path database = work_folder_ / (stem + ".db"), list = work_folder_ / (stem + ".txt"),
+                 log = work_folder_ / (stem + ".log");
+  CreateDatabase(database);
+  WritePictures(database, views.groups, views.camera_model, views.names, views.features);
+  WriteMatches(database, views.names, shard);
+  std::vector<std::string> lines;
+  for (const PairMatches& pair : shard) {
+    lines.push_back(views.names[static_cast<std::size_t>(pair.a)] + " " +
+                    views.names[static_cast<std::size_t>(pair.b)]);
+  }
+  io::WriteFileAtomically(list, Joined(lines));
+  // Pairs whose matches are in the database are not matched again, only verified.
+  Run({.command = "matches_importer",
+       .arguments = {"--database_path",
+                     database.string(),
+                     "--match_list_path",
+                     list.string(),
+                     "--match_type",
+                     "pairs",
+                     flags_.matching_use_gpu,
+                     "0",
+                     flags_.matching_threads,
+                     "1"},
+       .log = log,
+       .limit_s = kVerifyingLimitS + kVerifyingLimitPerPairS * static_cast<double>(shard.size())});
+  fs::remove(list);
+  fs::remove(log);
+}
+
+void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches) {
+  std::vector<std::vector<PairMatches>> shards((matches.size() + kPairsPerShard - 1) / kPairsPerShard);
+  for (std::size_t i = 0; i < matches.size(); ++i) shards[i / kPairsPerShard].push_back(matches[i]);
+  io::Progress progress("sfm: verifying");
+  std::atomic<std::size_t> next = 0, done = 0;
+  std::exception_ptr failure;
+  {
+    std::vector<std::jthread> workers;
+    for (int t = 0; t < threads_; ++t) {
+      workers.emplace_back([&] {
+        for (std::size_t i = next++; i < shards.size() && io::PendingInterrupt() == 0; i = next++) {
+          try {
+            VerifyShard(views, shards[i], i);
+          } catch (...) {
+            const std::lock_guard lock(mutex_);
+            if (!failure) failure = std::current_exception();
+            next = shards.size();
+            continue;
+          }
+          const std::lock_guard lock(mutex_);
+          ++done;
+          progress.Update(static_cast<double>(done) / static_cast<double>(shards.size()),
+                          std::to_string(matches.size()) + " pairs");
+        }
+      });
+    }
+  }
+  io::ThrowIfInterrupted();
+  if (failure) std::rethrow_exception(failure);
+  CreateDatabase(database_);
+  WritePictures(database_, views.groups, views.camera_model, views.names, views.features);
+  WriteMatches(database_, views.names, matches);
+  for (std::size_t i = 0; i < shards.size(); ++i) {
+    const fs::path shard = work_folder_ / ("shard" + std::to_string(i) + ".db");
+    CopyGeometries(shard, database_);
+    fs::remove(shard);
   }
 }
 
-bool Colmap::MatchPairs(const std::vector<std::string>& names, const ImagePairs& pairs, double max_seconds) {
-  using Clock = std::chrono::steady_clock;
-  const auto start = Clock::now();
-  const fs::path list_path = work_folder_ / "pair_list.txt";
-  io::Progress progress("sfm: matching");
-  std::size_t done = 0;
-  for (auto next = pairs.begin(); next != pairs.end();) {
-    std::vector<std::string> lines;
-    for (; next != pairs.end() && lines.size() < kPairsPerCall; ++next) {
-      lines.push_back(names[static_cast<std::size_t>(next->first)] + " " +
-                      names[static_cast<std::size_t>(next->second)]);
-    }
-    io::WriteFileAtomically(list_path, Joined(lines));
-    Step step{.command = "matches_importer",
-              .arguments = {"--database_path",
-                            database_.string(),
-                            "--match_list_path",
-                            list_path.string(),
-                            "--match_type",
-                            "pairs",
-                            flags_.matching_use_gpu,
-                            "0",
-                            flags_.matching_threads,
-                            std::to_string(threads_)},
-              .limit_s = kMatchingLimitS + kMatchingLimitPerPairS * static_cast<double>(lines.size())};
-    if (max_seconds > 0) {
-      step.limit_s = max_seconds - std::chrono::duration<double>(Clock::now() - start).count();
-      step.limit_is_ceiling = true;
-      if (step.limit_s <= 0) return false;
-    }
-    const double fraction = static_cast<double>(done) / static_cast<double>(pairs.size());
-    const std::string note = std::to_string(done) + " of " + std::to_string(pairs.size()) + " pairs";
-    step.on_tick = [&] { progress.Update(fraction, note); };
-    if (!Run(step)) return false;
-    done += lines.size();
-  }
-  fs::remove(list_path);
-  progress.Update(1.0, std::to_string(pairs.size()) + " pairs");
-  return true;
-}
-
-std::vector<fs::path> Colmap::Map(int n_pictures) {
+std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures, bool relaxed) {
   const fs::path sparse = work_folder_ / "sparse";
   fs::remove_all(sparse);
   fs::create_directories(sparse);
   LogProgress progress(log_path_, "sfm: mapping", "Registering image #", 2, n_pictures);
-  Run({.command = "mapper",
-       .arguments = {"--database_path",
-                     database_.string(),
-                     "--image_path",
-                     images_folder_.string(),
-                     "--output_path",
-                     sparse.string(),
-                     flags_.mapper_threads,
-                     std::to_string(threads_)},
-       .limit_s = kMappingLimitS + kMappingLimitPerPictureS * n_pictures,
-       .exit_one_means_nothing = true,
-       .on_tick = [&] { progress.Tick(); }});
+  Step step{.command = "mapper",
+            .arguments = {"--database_path",
+                          database_.string(),
+                          "--image_path",
+                          images_folder.string(),
+                          "--output_path",
+                          sparse.string(),
+                          "--Mapper.extract_colors",
+                          images_folder.empty() ? "0" : "1",
+                          flags_.mapper_threads,
+                          "1"},
+            .log = log_path_,
+            .limit_s = kMappingLimitS + kMappingLimitPerPictureS * n_pictures,
+            .exit_one_means_nothing = true,
+            .on_tick = [&] { progress.Tick(); }};
+  step.arguments.insert(step.arguments.end(), flags_.mapper_speed.begin(), flags_.mapper_speed.end());
+  if (relaxed) {
+    // Half of COLMAP's defaults of 100 inliers, 16 degrees and 30 inliers.
+    step.arguments.insert(step.arguments.end(),
+                          {"--Mapper.init_min_num_inliers",
+                           "50",
+                           "--Mapper.init_min_tri_angle",
+                           "8",
+                           "--Mapper.abs_pose_min_num_inliers",
+                           "15"});
+  }
+  Run(step);
   progress.Finish();
   std::vector<fs::path> models;
   for (const auto& entry : fs::directory_iterator(sparse)) {
@@ -277,6 +315,20 @@ std::vector<fs::path> Colmap::Map(int n_pictures) {
   }
   std::sort(models.begin(), models.end());
   return models;
+}
+
+std::optional<fs::path> Colmap::Merge(const fs::path& a, const fs::path& b) {
+  const fs::path merged = work_folder_ / ("merged_" + a.filename().string() + "_" + b.filename().string());
+  fs::create_directories(merged);
+  const std::vector<std::string> arguments = {
+      "--input_path1", a.string(), "--input_path2", b.string(), "--output_path", merged.string()};
+  const bool ok = Run({.command = "model_merger",
+                       .arguments = arguments,
+                       .log = log_path_,
+                       .limit_s = kMappingLimitS,
+                       .exit_one_means_nothing = true});
+  if (!ok || !io::IsColmapModel(merged)) return std::nullopt;
+  return merged;
 }
 
 }  // namespace sfm

@@ -1,45 +1,54 @@
 // Runs the installed COLMAP step by step. Each step gets an argument vector, a wall-clock and an
 // address-space limit, and its product is verified: COLMAP exits 0 after skipping unreadable pictures or on a
-// full disk.
+// full disk. Every process works with one thread, the only way in which COLMAP repeats itself bit for bit
+// (colmap/colmap#727); verification is spread over processes instead.
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "sfm/colmap_database.h"
 #include "sfm/colmap_options.h"
-#include "sfm/image_pairs.h"
 
 namespace sfm {
 
-// Pictures that share one camera: same size, same lens setting.
-struct CameraGroup {
+// The pictures of a capture, as COLMAP gets to know them. features[i] belongs to names[i].
+struct CapturedViews {
   std::vector<std::string> names;
-  int width = 0, height = 0;
-  double focal_px = 0;  // 0: unknown, COLMAP guesses and refines
-};
-
-struct ExtractionOptions {
-  int max_features = 2048;                     // per picture
-  std::string camera_model = "SIMPLE_RADIAL";  // or SIMPLE_PINHOLE, PINHOLE, RADIAL, OPENCV
+  std::vector<CameraGroup> groups;
+  std::vector<Features> features;
+  std::string camera_model = "SIMPLE_RADIAL";
 };
 
 class Colmap {
  public:
   // work_folder: empty and private; receives database.db, sparse/ and colmap.log. Throws io::Error
   // kMissingTool when COLMAP is not on PATH or lacks an option.
-  Colmap(std::filesystem::path images_folder, std::filesystem::path work_folder, int threads);
+  Colmap(std::filesystem::path work_folder, int threads);
 
-  // Detects SIFT features on the CPU. Throws kMissingTool when a picture did not reach the database.
-  void ExtractFeatures(const std::vector<CameraGroup>& groups, const ExtractionOptions& options);
+  // COLMAP's own SIFT on the CPU, as an alternative to DetectFeatures. Throws kMissingTool when a picture did
+  // not reach the database.
+  std::vector<Features> ExtractFeatures(const std::filesystem::path& images_folder,
+                                        const std::vector<CameraGroup>& groups,
+                                        const std::vector<std::string>& names,
+                                        const FeatureOptions& options);
 
-  // Matches and verifies the pairs of `names`. Returns false when `max_seconds` ran out (0: no such ceiling;
-  // a limit against hanging always holds).
-  bool MatchPairs(const std::vector<std::string>& names, const ImagePairs& pairs, double max_seconds = 0);
+  // Finds the two-view geometry of each pair and leaves views and geometries in database().
+  void VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches);
 
   // Incremental mapping; the folders of all sub-models, none when COLMAP found no initial pair.
-  std::vector<std::filesystem::path> Map(int n_pictures);
+  // images_folder: where points get their colours from; empty: they stay black. relaxed: starts from pairs
+  // with less overlap and baseline, and adds pictures on half the evidence.
+  std::vector<std::filesystem::path> Map(const std::filesystem::path& images_folder,
+                                         int n_pictures,
+                                         bool relaxed = false);
+
+  // One model of the pictures of both, which share some; nothing when COLMAP could not align them.
+  std::optional<std::filesystem::path> Merge(const std::filesystem::path& a, const std::filesystem::path& b);
 
   const std::filesystem::path& database() const { return database_; }
   double cpu_s() const { return cpu_s_; }
@@ -48,11 +57,14 @@ class Colmap {
  private:
   struct Step;
   bool Run(const Step& step);
+  void CreateDatabase(const std::filesystem::path& path);
+  void VerifyShard(const CapturedViews& views, const std::vector<PairMatches>& shard, std::size_t index);
 
-  std::filesystem::path program_, images_folder_, work_folder_, database_, log_path_;
+  std::filesystem::path program_, work_folder_, database_, log_path_;
   int threads_;
   std::size_t memory_bytes_;
   ColmapFlags flags_;
+  std::mutex mutex_;  // guards the two figures below
   double cpu_s_ = 0;
   std::size_t peak_rss_bytes_ = 0;
 };

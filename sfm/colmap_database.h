@@ -1,23 +1,23 @@
-// What COLMAP's SQLite database says it found. Read-only and verified: COLMAP skips unreadable pictures and
-// exits 0. Schema: https://colmap.github.io/database.html, equal from 3.8 to 4.x in the columns used here.
+// COLMAP's SQLite database: features and matches go in, verified pairs come out. Contents are checked when
+// read: COLMAP skips unreadable pictures and exits 0. Schema: https://colmap.github.io/database.html, equal
+// from 3.8 to 4.x in the columns used here; the rigs and frames of 3.12 and later are filled in trivially
+// where the tables exist.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
+#include "sfm/features.h"
+#include "sfm/matching.h"
 
 namespace sfm {
 
-// Rows are unit-length descriptors.
-using Descriptors = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-struct PictureFeatures {
-  std::string name;
-  int count = 0;
-  double median_scale_px = 0;  // of the features; large in blurred pictures, where fine detail is gone
+// Pictures that share one camera: same size, same lens setting.
+struct CameraGroup {
+  std::vector<std::string> names;
+  int width = 0, height = 0;
+  double focal_px = 0;  // 0: unknown, 1.2 times the longer side is the start value (COLMAP's guess)
 };
 
 // COLMAP's class of a verified pair, as far as it matters here.
@@ -31,14 +31,26 @@ struct VerifiedPair {
 
 // All functions throw io::Error kBadState when the file is not such a database or contradicts itself.
 
-// One entry per picture of the database, in order of its image id.
-std::vector<PictureFeatures> ReadFeatures(const std::filesystem::path& database);
+// Adds cameras, pictures and keypoints to an empty database; features[i] belongs to names[i], and every name
+// is in one group. camera_model: COLMAP's name, see io/colmap_model.h.
+void WritePictures(const std::filesystem::path& database,
+                   const std::vector<CameraGroup>& groups,
+                   const std::string& camera_model,
+                   const std::vector<std::string>& names,
+                   const std::vector<Features>& features);
 
-// The `max_count` features of largest scale of each picture, in the order of `names`; no rows for a picture
-// without features.
-std::vector<Descriptors> ReadLargestDescriptors(const std::filesystem::path& database,
-                                                const std::vector<std::string>& names,
-                                                int max_count);
+// Adds matches that are still to be verified; PairMatches::a and b are indices of `names`.
+void WriteMatches(const std::filesystem::path& database,
+                  const std::vector<std::string>& names,
+                  const std::vector<PairMatches>& matches);
+
+// Appends the verified geometries of one database to another one with the same pictures.
+void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to);
+
+// Keypoints and descriptors that COLMAP extracted; one entry per name, empty for a picture without features.
+// Throws kMissingTool naming a picture that the database lacks.
+std::vector<Features> ReadFeatures(const std::filesystem::path& database,
+                                   const std::vector<std::string>& names);
 
 // Pairs with a verified two-view geometry.
 std::vector<VerifiedPair> ReadVerifiedPairs(const std::filesystem::path& database);

@@ -73,6 +73,17 @@ std::string NoBaselineCause(double share) {
 
 }  // namespace
 
+std::vector<PictureFeatures> Summaries(const std::vector<std::string>& names,
+                                       const std::vector<Features>& features) {
+  std::vector<PictureFeatures> summaries;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    std::vector<double> scales;
+    for (const Keypoint& keypoint : features[i].keypoints) scales.push_back(keypoint.scale);
+    summaries.push_back({names[i], static_cast<int>(scales.size()), Median(scales)});
+  }
+  return summaries;
+}
+
 double MedianTriangulationAngleDeg(const io::Scene& scene) {
   std::vector<double> angles;
   for (const io::Point3D& point : scene.points) {

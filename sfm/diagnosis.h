@@ -14,6 +14,15 @@ namespace sfm {
 // Fewer pictures give no third view to confirm a point.
 constexpr int kMinPictures = 3;
 
+struct PictureFeatures {
+  std::string name;
+  int count = 0;
+  double median_scale_px = 0;  // of the features; large in blurred pictures, where fine detail is gone
+};
+
+std::vector<PictureFeatures> Summaries(const std::vector<std::string>& names,
+                                       const std::vector<Features>& features);
+
 struct CaptureEvidence {
   std::vector<PictureFeatures> features;  // of every picture
   std::vector<VerifiedPair> pairs;

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <map>
 #include <optional>
 #include <set>
 
@@ -11,6 +9,8 @@
 #include "io/progress.h"
 #include "sfm/colmap.h"
 #include "sfm/diagnosis.h"
+#include "sfm/mapping_attempt.h"
+#include "sfm/stationary_matches.h"
 
 namespace sfm {
 namespace {
@@ -19,199 +19,226 @@ namespace fs = std::filesystem;
 using io::Error;
 using io::ExitCode;
 using Decide = std::function<void(const std::string&)>;
+using Clock = std::chrono::steady_clock;
 
-// Below this, all pairs cost less than they could save.
-constexpr int kMaxExhaustivePictures = 24;
-// Features of largest scale that predict overlap, and pairs kept per picture.
-constexpr int kPreviewFeatures = 384;
-constexpr int kPartners = 14;
+// Matching and verifying a pair takes about 8 ms of one core: up to here all pairs cost seconds.
+constexpr int kMaxExhaustivePictures = 64;
+// Partners kept per picture beyond that.
+constexpr int kPartners = 20;
 // Neighbours in the order of names are matched in any case: people walk.
 constexpr int kPhotoOverlap = 2;
 // Chosen video frames move on steadily; loops are found among the likely partners.
 constexpr int kVideoOverlap = 8;
-constexpr int kVideoPartners = 6;
+constexpr int kVideoPartners = 8;
 constexpr int kRetryFeatures = 8192;
-constexpr int kRetryPartners = 40;
+// Further attempts are made while fewer pictures than this are registered.
+constexpr double kGoodRegisteredShare = 0.9;
 // A model of fewer pictures is a fragment: its film would hide that the capture failed.
 constexpr double kMinRegisteredShare = 0.6;
+// The model COLMAP maps with when the camera model is to be found out.
+constexpr const char* kMappingModel = "SIMPLE_RADIAL";
 
-struct Attempt {
-  Colmap colmap;
-  CaptureEvidence evidence;
-  std::vector<io::ColmapModel> models;  // largest first
-  double seconds_per_pair = 0;
-
-  int Registered() const { return models.empty() ? 0 : static_cast<int>(models.front().scene.frames.size()); }
-};
-
-double Median(std::vector<double> values) {
-  std::nth_element(
-      values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
-// One camera per group and size: a camera shared by pictures of different sizes is refused by COLMAP.
-std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures) {
-  std::map<std::string, std::vector<const Picture*>> by_key;
-  for (const Picture& picture : pictures) {
-    by_key[picture.camera_group + "/" + std::to_string(picture.width) + "x" + std::to_string(picture.height)]
-        .push_back(&picture);
-  }
-  std::vector<CameraGroup> groups;
-  for (const auto& [key, members] : by_key) {
-    CameraGroup group{.width = members.front()->width, .height = members.front()->height};
-    std::vector<double> focals;
-    for (const Picture* picture : members) {
-      group.names.push_back(picture->name);
-      if (picture->focal_px > 0) focals.push_back(picture->focal_px);
-    }
-    if (!focals.empty()) group.focal_px = Median(focals);
-    groups.push_back(std::move(group));
-  }
-  return groups;
-}
-
-std::vector<std::string> Names(const std::vector<Picture>& pictures) {
-  std::vector<std::string> names;
-  for (const Picture& picture : pictures) names.push_back(picture.name);
-  return names;
-}
-
-ImagePairs Union(ImagePairs a, const ImagePairs& b) {
-  a.insert(b.begin(), b.end());
-  return a;
-}
-
-ImagePairs ChoosePairs(const std::vector<Picture>& pictures,
-                       const Colmap& colmap,
-                       const ReconstructionOptions& options,
-                       const Decide& decide) {
-  const int n = static_cast<int>(pictures.size());
-  const bool video =
-      std::all_of(pictures.begin(), pictures.end(), [](const Picture& p) { return p.is_video_frame; });
-  std::string way = options.matching;
-  if (way == "auto") way = n <= kMaxExhaustivePictures ? "exhaustive" : video ? "sequential" : "likely";
-  const std::string of_all = " of " + std::to_string(n * (n - 1) / 2) + " pairs";
-  if (way == "exhaustive") {
-    decide("matching all " + std::to_string(n * (n - 1) / 2) + " pairs of " + std::to_string(n) +
-           " pictures");
-    return AllPairs(n);
-  }
-  const bool sequential = way == "sequential";
-  const ImagePairs likely =
-      LikelyPairs(ReadLargestDescriptors(colmap.database(), Names(pictures), kPreviewFeatures),
-                  sequential ? kVideoPartners : kPartners,
-                  options.threads);
-  const ImagePairs pairs = Union(likely, SequentialPairs(n, sequential ? kVideoOverlap : kPhotoOverlap));
-  decide("matching " + std::to_string(pairs.size()) + of_all +
-         (sequential ? ": following frames, and loops found by a quick comparison of the largest features"
-                     : ": the most alike by a quick comparison of the largest features"));
-  return pairs;
-}
-
-std::vector<io::ColmapModel> ReadModels(const std::vector<fs::path>& folders,
-                                        const std::vector<Picture>& pictures) {
-  std::map<std::string, const Picture*> by_name;
-  for (const Picture& picture : pictures) by_name[picture.name] = &picture;
-  std::vector<io::ColmapModel> models;
-  for (const fs::path& folder : folders) {
-    models.push_back(io::ReadColmapModel(folder));
-    for (const io::Frame& frame : models.back().scene.frames) {
-      const auto picture = by_name.find(frame.image_path.string());
-      const io::Camera& camera = models.back().scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-      if (picture == by_name.end() || picture->second->width != camera.width ||
-          picture->second->height != camera.height) {
-        throw Error(ExitCode::kMissingTool,
-                    "colmap mapper reported success but its model " + folder.string() + " holds " +
-                        frame.image_path.string() +
-                        ", which is not a picture of this capture or has another size");
-      }
-    }
-  }
-  std::stable_sort(models.begin(), models.end(), [](const io::ColmapModel& a, const io::ColmapModel& b) {
-    return a.scene.frames.size() > b.scene.frames.size();
-  });
-  return models;
-}
-
-// Extracts, matches `choose_pairs` and maps. Nothing when matching hit `max_matching_s` (0: none).
-std::optional<Attempt> RunAttempt(const std::vector<Picture>& pictures,
-                                  const fs::path& images_folder,
-                                  const fs::path& folder,
-                                  const ReconstructionOptions& options,
-                                  double max_matching_s,
-                                  const std::function<ImagePairs(const Colmap&)>& choose_pairs) {
-  Attempt attempt{.colmap = Colmap(images_folder, folder, options.threads)};
-  attempt.colmap.ExtractFeatures(CameraGroups(pictures),
-                                 {.max_features = options.features, .camera_model = options.camera_model});
-  const ImagePairs pairs = choose_pairs(attempt.colmap);
-  const auto start = std::chrono::steady_clock::now();
-  if (!attempt.colmap.MatchPairs(Names(pictures), pairs, max_matching_s)) return std::nullopt;
-  attempt.seconds_per_pair = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
-                             static_cast<double>(std::max<std::size_t>(1, pairs.size()));
-  attempt.models = ReadModels(attempt.colmap.Map(static_cast<int>(pictures.size())), pictures);
-  attempt.evidence = {ReadFeatures(attempt.colmap.database()), ReadVerifiedPairs(attempt.colmap.database())};
-  return attempt;
-}
-
-bool IsFragment(const Attempt& attempt, const std::vector<Picture>& pictures) {
-  return attempt.Registered() < kMinRegisteredShare * static_cast<double>(pictures.size());
-}
-
-// A stronger setting cannot cure a capture without baseline, texture or pictures.
-bool IsWorthRetrying(const std::string& cause) { return cause.rfind("no overlap", 0) == 0; }
-
-std::optional<Attempt> Retry(const std::vector<Picture>& pictures,
-                             const fs::path& images_folder,
-                             const fs::path& folder,
-                             const Attempt& first,
-                             const ReconstructionOptions& options,
-                             const Decide& decide) {
-  const int n = static_cast<int>(pictures.size());
-  ReconstructionOptions stronger = options;
-  stronger.features = std::max(options.features, kRetryFeatures);
-  const double growth = static_cast<double>(stronger.features) / options.features;
-  // Comparing descriptors costs the square of their number.
-  const double all_pairs_s = first.seconds_per_pair * growth * growth * n * (n - 1) / 2;
-  const double ceiling_s = 60 * options.retry_minutes;
-  const bool all = all_pairs_s <= ceiling_s;
-  decide(
-      "second attempt with up to " + std::to_string(stronger.features) + " features per picture and " +
-      (all ? "all pairs" : "the " + std::to_string(kRetryPartners) + " most alike partners of each picture") +
-      ", at most " + io::FormatDuration(ceiling_s) + " of matching");
-  auto attempt = RunAttempt(pictures, images_folder, folder, stronger, ceiling_s, [&](const Colmap& colmap) {
-    return all ? AllPairs(n)
-               : Union(
-                     SequentialPairs(n, kPhotoOverlap),
-                     LikelyPairs(ReadLargestDescriptors(colmap.database(), Names(pictures), kPreviewFeatures),
-                                 kRetryPartners,
-                                 options.threads));
-  });
-  if (!attempt) decide("second attempt stopped at its ceiling (--retry-minutes)");
-  return attempt;
-}
-
-void CheckOptions(const ReconstructionOptions& options) {
-  static const std::set<std::string> kModels = {
-      "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"};
-  static const std::set<std::string> kWays = {"auto", "exhaustive", "likely", "sequential"};
-  if (kModels.count(options.camera_model) == 0) {
-    throw Error(ExitCode::kUsage,
-                "--camera-model: '" + options.camera_model + "' is not supported",
-                "Use SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
-  }
-  if (kWays.count(options.matching) == 0) {
-    throw Error(ExitCode::kUsage,
-                "--matching: '" + options.matching + "' is unknown",
-                "Use auto, exhaustive, likely or sequential");
-  }
-  if (options.features < 100 || options.features > 32768) {
-    throw Error(ExitCode::kUsage,
-                "--features: " + std::to_string(options.features) + " is not in 100..32768");
-  }
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
 [[noreturn]] void Refuse(const std::string& cause) { throw Error(ExitCode::kNotReconstructible, cause); }
+
+void CheckChoice(const std::string& flag, const std::string& value, const std::set<std::string>& choices) {
+  if (choices.count(value) > 0) return;
+  std::string list;
+  for (const std::string& choice : choices) list += (list.empty() ? "" : ", ") + choice;
+  throw Error(ExitCode::kUsage, flag + ": '" + value + "' is unknown", "Use one of: " + list);
+}
+
+void CheckOptions(const ReconstructionOptions& options) {
+  CheckChoice("--camera-model",
+              options.camera_model,
+              {"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"});
+  CheckChoice("--matching", options.matching, {"auto", "exhaustive", "likely", "sequential"});
+  CheckChoice("--detector", options.detector, {"opencv", "colmap"});
+  if (options.features < 100 || options.features > 16384) {
+    throw Error(ExitCode::kUsage,
+                "--features: " + std::to_string(options.features) + " is not in 100..16384");
+  }
+}
+
+// The work on one capture: what is known so far, and the attempts made with it.
+class Session {
+ public:
+  Session(const std::vector<Picture>& pictures,
+          const fs::path& images_folder,
+          const fs::path& work_folder,
+          const ReconstructionOptions& options,
+          const Decide& decide)
+      : pictures_(pictures),
+        images_folder_(images_folder),
+        work_folder_(work_folder),
+        options_(options),
+        decide_(decide) {
+    CheckOptions(options);
+    views_.names = Names(pictures);
+    views_.groups = CameraGroups(pictures);
+    views_.camera_model = options.camera_model == "auto" ? kMappingModel : options.camera_model;
+    views_.features.resize(pictures.size());
+    if (n() < kMinPictures) Refuse(FailureCause({Summaries(views_.names, views_.features), {}}, 0));
+  }
+
+  void Detect(int max_features) {
+    const Clock::time_point start = Clock::now();
+    const FeatureOptions options{
+        .max_features = max_features, .max_image_size = options_.max_image_size, .threads = options_.threads};
+    if (options_.detector == "colmap") {
+      Colmap colmap(work_folder_ / "detection", options_.threads);
+      views_.features = colmap.ExtractFeatures(images_folder_, views_.groups, views_.names, options);
+      CountUse(colmap.cpu_s(), colmap.peak_rss_bytes());
+    } else {
+      views_.features = DetectFeatures(images_folder_, views_.names, options_.masks_folder, options);
+    }
+    result_.times.features_s += SecondsSince(start);
+  }
+
+  void SetFeatures(std::vector<Features> features) { views_.features = std::move(features); }
+
+  ImagePairs ChoosePairs() {
+    const bool video =
+        std::all_of(pictures_.begin(), pictures_.end(), [](const Picture& p) { return p.is_video_frame; });
+    std::string way = options_.matching;
+    if (way == "auto") way = n() <= kMaxExhaustivePictures ? "exhaustive" : video ? "sequential" : "likely";
+    const std::string all = std::to_string(n() * (n() - 1) / 2);
+    if (way == "exhaustive") {
+      decide_("matching all " + all + " pairs of " + std::to_string(n()) + " pictures");
+      return AllPairs(n());
+    }
+    const bool sequential = way == "sequential";
+    const Clock::time_point start = Clock::now();
+    ImagePairs pairs =
+        LikelyPairs(views_.features, sequential ? kVideoPartners : kPartners, options_.threads);
+    pairs.merge(SequentialPairs(n(), sequential ? kVideoOverlap : kPhotoOverlap));
+    result_.times.matching_s += SecondsSince(start);
+    decide_("matching " + std::to_string(pairs.size()) + " of " + all + " pairs" +
+            (sequential ? ": following frames, and loops found by a quick comparison of the largest features"
+                        : ": the most alike by a quick comparison of the largest features"));
+    return pairs;
+  }
+
+  std::vector<PairMatches> Match(const ImagePairs& pairs) {
+    const Clock::time_point start = Clock::now();
+    std::vector<PairMatches> matches = MatchFeatures(views_.features, pairs, options_.threads);
+    result_.times.matching_s += SecondsSince(start);
+    return matches;
+  }
+
+  // Keeps the attempt when it registers more pictures than the best so far.
+  void Try(std::vector<PairMatches> matches, bool relaxed) {
+    const StationaryShare stationary = RemoveStationaryMatches(views_.features, &matches);
+    if (stationary.removed > 0) {
+      decide_("removed " + std::to_string(stationary.removed) +
+              " matches that stand still in the picture: in " + std::to_string(stationary.split_pairs) +
+              " of " + std::to_string(stationary.pairs) +
+              " pairs the subject moves against its background (turntable, watermark)");
+    }
+    const fs::path folder = work_folder_ / ("attempt" + std::to_string(++n_attempts_));
+    MappingAttempt attempt =
+        Attempt(pictures_, views_, matches, images_folder_, folder, relaxed, options_.threads);
+    result_.times.verifying_s += attempt.verifying_s;
+    result_.times.mapping_s += attempt.mapping_s;
+    CountUse(attempt.cpu_s, attempt.peak_rss_bytes);
+    if (!best_ || attempt.Registered() > best_->Registered()) best_ = std::move(attempt);
+  }
+
+  bool Registered(double share) const { return best_->Registered() >= share * n(); }
+
+  // Stronger settings, cheapest first, within a ceiling of time.
+  void ClimbLadder(std::vector<PairMatches> matches, std::size_t n_pairs) {
+    const Clock::time_point start = Clock::now();
+    const double ceiling_s = 60 * options_.retry_minutes;
+    const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
+    const double all_over_now =
+        static_cast<double>(all) / static_cast<double>(std::max<std::size_t>(1, n_pairs));
+    const double growth = static_cast<double>(kRetryFeatures) / options_.features;
+    const ReconstructionTimes& t = result_.times;
+    const double pairs_s = t.matching_s + t.verifying_s, mapping_s = t.mapping_s, features_s = t.features_s;
+    struct Rung {
+      std::string text;
+      double estimate_s;
+      std::function<void()> climb;
+    };
+    std::vector<Rung> rungs;
+    rungs.push_back({"a relaxed start and half the evidence per picture", pairs_s + mapping_s, [&] {
+                       Try(matches, true);
+                     }});
+    if (n_pairs < all) {
+      rungs.push_back({"all " + std::to_string(all) + " pairs", pairs_s * all_over_now + mapping_s, [&] {
+                         matches = Match(AllPairs(n()));
+                         Try(matches, true);
+                       }});
+    }
+    if (options_.features < kRetryFeatures) {
+      // Comparing descriptors costs the square of their number.
+      rungs.push_back({"up to " + std::to_string(kRetryFeatures) + " features per picture and all pairs",
+                       features_s + pairs_s * all_over_now * growth * growth + mapping_s * growth,
+                       [&] {
+                         Detect(kRetryFeatures);
+                         Try(Match(AllPairs(n())), true);
+                       }});
+    }
+    for (const Rung& rung : rungs) {
+      if (Registered(kGoodRegisteredShare)) return;
+      const std::string cause = FailureCause(best_->evidence, best_->Registered());
+      // A stronger setting cannot cure a capture without baseline, texture or pictures.
+      if (!Registered(kMinRegisteredShare) && cause.rfind("no overlap", 0) != 0) return;
+      const std::string so_far = "only " + std::to_string(best_->Registered()) + " of " +
+                                 std::to_string(n()) + " pictures registered; ";
+      if (SecondsSince(start) + rung.estimate_s > ceiling_s) {
+        decide_(so_far + "not tried: " + rung.text + ", about " + io::FormatDuration(rung.estimate_s) +
+                " (--retry-minutes)");
+        continue;
+      }
+      decide_(so_far + "trying again with " + rung.text);
+      rung.climb();
+    }
+  }
+
+  Reconstruction Finish() {
+    if (!Registered(kMinRegisteredShare)) Refuse(FailureCause(best_->evidence, best_->Registered()));
+    result_.model = best_->models.front();
+    if (const auto cause = RefusalCause(result_.model, best_->evidence)) Refuse(*cause);
+    std::string sizes;
+    for (const io::ColmapModel& model : best_->models) {
+      sizes += (sizes.empty() ? "" : ", ") + std::to_string(model.scene.frames.size());
+    }
+    decide_("used the largest of " + std::to_string(best_->models.size()) + " models (" + sizes + " of " +
+            std::to_string(n()) + " pictures)");
+    std::set<std::string> registered;
+    for (const io::Frame& frame : result_.model.scene.frames) registered.insert(frame.image_path.string());
+    for (const Picture& picture : pictures_) {
+      if (registered.count(picture.name) > 0) continue;
+      result_.unregistered.push_back({picture.name, UnregisteredCause(picture.name, best_->evidence)});
+    }
+    result_.triangulation_angle_deg = MedianTriangulationAngleDeg(result_.model.scene);
+    result_.database = best_->database;
+    result_.log = best_->log;
+    return std::move(result_);
+  }
+
+ private:
+  int n() const { return static_cast<int>(pictures_.size()); }
+
+  void CountUse(double cpu_s, std::size_t peak_rss_bytes) {
+    result_.colmap_cpu_s += cpu_s;
+    result_.peak_rss_bytes = std::max(result_.peak_rss_bytes, peak_rss_bytes);
+  }
+
+  const std::vector<Picture>& pictures_;
+  fs::path images_folder_, work_folder_;
+  const ReconstructionOptions& options_;
+  const Decide& decide_;
+  CapturedViews views_;
+  std::optional<MappingAttempt> best_;
+  int n_attempts_ = 0;
+  Reconstruction result_;
+};
 
 }  // namespace
 
@@ -220,54 +247,25 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
                            const fs::path& work_folder,
                            const ReconstructionOptions& options,
                            const Decide& decide) {
-  CheckOptions(options);
-  if (static_cast<int>(pictures.size()) < kMinPictures) {
-    CaptureEvidence only_names;
-    only_names.features.resize(pictures.size());
-    Refuse(FailureCause(only_names, 0));
-  }
-  const std::string n_text = std::to_string(pictures.size());
-  std::optional<Attempt> used =
-      RunAttempt(pictures, images_folder, work_folder / "attempt1", options, 0, [&](const Colmap& colmap) {
-        return ChoosePairs(pictures, colmap, options, decide);
-      });
-  double cpu_s = used->colmap.cpu_s();
-  std::size_t peak_rss_bytes = used->colmap.peak_rss_bytes();
-  if (IsFragment(*used, pictures)) {
-    const std::string cause = FailureCause(used->evidence, used->Registered());
-    if (!IsWorthRetrying(cause) || options.retry_minutes <= 0) Refuse(cause);
-    decide("only " + std::to_string(used->Registered()) + " of " + n_text + " pictures registered");
-    std::optional<Attempt> second =
-        Retry(pictures, images_folder, work_folder / "attempt2", *used, options, decide);
-    if (second && second->Registered() > used->Registered()) used = std::move(second);
-    cpu_s += second ? second->colmap.cpu_s() : 0;
-    if (second) peak_rss_bytes = std::max(peak_rss_bytes, second->colmap.peak_rss_bytes());
-    if (IsFragment(*used, pictures)) Refuse(FailureCause(used->evidence, used->Registered()));
-  }
+  Session session(pictures, images_folder, work_folder, options, decide);
+  session.Detect(options.features);
+  const ImagePairs pairs = session.ChoosePairs();
+  std::vector<PairMatches> matches = session.Match(pairs);
+  session.Try(matches, false);
+  if (options.retry_minutes > 0) session.ClimbLadder(std::move(matches), pairs.size());
+  return session.Finish();
+}
 
-  Reconstruction result;
-  result.model = used->models.front();
-  if (const auto cause = RefusalCause(result.model, used->evidence)) Refuse(*cause);
-  std::string sizes;
-  for (const io::ColmapModel& model : used->models) {
-    sizes += (sizes.empty() ? "" : ", ") + std::to_string(model.scene.frames.size());
-  }
-  decide("used the largest of " + std::to_string(used->models.size()) + " models (" + sizes + " of " +
-         n_text + " pictures)");
-  std::set<std::string> registered;
-  for (const io::Frame& frame : result.model.scene.frames) registered.insert(frame.image_path.string());
-  for (const Picture& picture : pictures) {
-    if (registered.count(picture.name) == 0) {
-      result.unregistered.push_back({picture.name, UnregisteredCause(picture.name, used->evidence)});
-    }
-  }
-  result.triangulation_angle_deg = MedianTriangulationAngleDeg(result.model.scene);
-  result.database = used->colmap.database();
-  result.sparse_folder = result.database.parent_path() / "sparse";
-  result.log = result.database.parent_path() / "colmap.log";
-  result.cpu_s = cpu_s;
-  result.peak_rss_bytes = peak_rss_bytes;
-  return result;
+Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,
+                                  const std::vector<Features>& features,
+                                  const std::vector<PairMatches>& matches,
+                                  const fs::path& work_folder,
+                                  const ReconstructionOptions& options,
+                                  const Decide& decide) {
+  Session session(pictures, "", work_folder, options, decide);
+  session.SetFeatures(features);
+  session.Try(matches, false);
+  return session.Finish();
 }
 
 }  // namespace sfm

@@ -1,5 +1,6 @@
-// Pictures in, cameras and sparse points out: chooses the pairs to match, runs COLMAP, reads all of its
-// models, judges the largest, and tries once more with a stronger setting before it gives up.
+// Pictures in, cameras and sparse points out: detects and matches features, lets COLMAP verify and map them,
+// reads all of its models, judges the largest, climbs a ladder of stronger settings when too few pictures
+// register, and adjusts the model that is kept.
 #pragma once
 
 #include <filesystem>
@@ -8,6 +9,8 @@
 #include <vector>
 
 #include "io/colmap_model.h"
+#include "sfm/features.h"
+#include "sfm/matching.h"
 
 namespace sfm {
 
@@ -20,10 +23,13 @@ struct Picture {
 };
 
 struct ReconstructionOptions {
-  int features = 2048;                         // per picture
-  std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
-  std::string matching = "auto";               // auto, exhaustive, likely or sequential
-  double retry_minutes = 20;  // ceiling for matching in the second attempt; 0: no second attempt
+  std::string detector = "opencv";     // or colmap
+  int features = 2048;                 // per picture
+  int max_image_size = 1600;           // longer side for detection [px]; 0: full size
+  std::string matching = "auto";       // auto, exhaustive, likely or sequential
+  std::string camera_model = "auto";   // as simple as the data allow, or COLMAP's name of a model
+  double retry_minutes = 20;           // ceiling for all further attempts together; 0: none
+  std::filesystem::path masks_folder;  // see DetectFeatures; empty: no masks
   int threads = 1;
 };
 
@@ -31,23 +37,36 @@ struct Unregistered {
   std::string name, cause;
 };
 
-struct Reconstruction {
-  io::ColmapModel model;                               // image paths are the pictures' names
-  std::filesystem::path sparse_folder, database, log;  // of the attempt that was used, below the work folder
-  std::vector<Unregistered> unregistered;
-  double triangulation_angle_deg = 0;  // median over the points
-  double cpu_s = 0;                    // of COLMAP, all attempts
-  std::size_t peak_rss_bytes = 0;
+// Wall seconds of each part, all attempts together.
+struct ReconstructionTimes {
+  double features_s = 0, matching_s = 0, verifying_s = 0, mapping_s = 0, adjusting_s = 0;
 };
 
-// decide: receives one line for every choice. Throws io::Error kNotReconstructible with one named cause
-// (sfm/diagnosis.h), kMissingTool when COLMAP is missing or fails, kNoResources when it runs out of memory,
-// kUsage for an unknown camera model or way of matching. The result may differ in the last digits between
-// runs: COLMAP's mapper is not deterministic on several threads.
+struct Reconstruction {
+  io::ColmapModel model;                // image paths are the pictures' names
+  std::filesystem::path database, log;  // of the attempt that was used, below the work folder
+  std::vector<Unregistered> unregistered;
+  double triangulation_angle_deg = 0;  // median over the points
+  ReconstructionTimes times;
+  double colmap_cpu_s = 0;         // all attempts
+  std::size_t peak_rss_bytes = 0;  // of COLMAP
+};
+
+// decide: receives one line for every choice. The result does not depend on `threads`. Throws io::Error
+// kNotReconstructible with one named cause (sfm/diagnosis.h), kMissingTool when COLMAP is missing or fails,
+// kNoResources when it runs out of memory, kUsage for an unknown detector, camera model or way of matching.
 Reconstruction Reconstruct(const std::vector<Picture>& pictures,
                            const std::filesystem::path& images_folder,
                            const std::filesystem::path& work_folder,
                            const ReconstructionOptions& options,
                            const std::function<void(const std::string&)>& decide);
+
+// The same from given matches on, without further attempts; of `features` only the keypoints are used.
+Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,
+                                  const std::vector<Features>& features,
+                                  const std::vector<PairMatches>& matches,
+                                  const std::filesystem::path& work_folder,
+                                  const ReconstructionOptions& options,
+                                  const std::function<void(const std::string&)>& decide);
 
 }  // namespace sfm

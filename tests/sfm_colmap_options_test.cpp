@@ -20,7 +20,8 @@ constexpr const char* kMatcher38 = R"(
   --SiftMatching.use_gpu arg (=1)
   --SiftMatching.max_num_matches arg (=32768)
 )";
-constexpr const char* kMapper = "  --Mapper.num_threads arg (=-1)\n";
+constexpr const char* kMapper =
+    "  --Mapper.num_threads arg (=-1)\n  --Mapper.ba_global_images_ratio arg (=1.1)\n";
 
 constexpr const char* kExtractor313 = R"(
   --FeatureExtraction.num_threads arg (=-1)
@@ -82,6 +83,16 @@ TEST(ColmapOptions, AMissingOptionIsNamedAndALongerOneIsNotTakenForIt) {
               std::string::npos)
         << error.what();
   }
+}
+
+TEST(ColmapOptions, SpeedFlagsAreThoseTheMapperLists) {
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper).mapper_speed,
+            (std::vector<std::string>{"--Mapper.ba_global_images_ratio", "1.5"}));
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38,
+                                 kMatcher38,
+                                 "  --Mapper.num_threads arg\n  --Mapper.ba_global_frames_ratio arg (=1.1)\n")
+                .mapper_speed,
+            (std::vector<std::string>{"--Mapper.ba_global_frames_ratio", "1.5"}));
 }
 
 }  // namespace

@@ -40,7 +40,12 @@ class StandInColmap : public testing::Test {
     fs::permissions(program, fs::perms::owner_all);
   }
 
-  sfm::Colmap Make() { return {folder_, folder_ / "work", 1}; }
+  sfm::Colmap Make() { return {folder_ / "work", 1}; }
+
+  std::vector<sfm::Features> Extract(sfm::Colmap* colmap) {
+    return colmap->ExtractFeatures(
+        folder_ / "images", {{.names = {"a.png"}, .width = 640, .height = 480}}, {"a.png"}, {});
+  }
 
   template <typename Action>
   static std::string ErrorOf(const Action& action, io::ExitCode code) {
@@ -67,7 +72,7 @@ TEST_F(StandInColmap, MissingProgramNamesTheRemedy) {
 TEST_F(StandInColmap, ACrashIsReportedWithTheLastLines) {
   Install("echo the last words; kill -SEGV $$");
   sfm::Colmap colmap = Make();
-  const std::string message = ErrorOf([&] { colmap.Map(5); }, io::ExitCode::kMissingTool);
+  const std::string message = ErrorOf([&] { colmap.Map("", 5); }, io::ExitCode::kMissingTool);
   EXPECT_NE(message.find("mapper crashed with signal 11"), std::string::npos) << message;
   EXPECT_NE(message.find("the last words"), std::string::npos) << message;
 }
@@ -75,26 +80,36 @@ TEST_F(StandInColmap, ACrashIsReportedWithTheLastLines) {
 TEST_F(StandInColmap, LackOfMemoryIsNoFaultOfTheProgram) {
   Install("echo \"terminate called after throwing an instance of 'std::bad_alloc'\"; kill -ABRT $$");
   sfm::Colmap colmap = Make();
-  EXPECT_NE(ErrorOf([&] { colmap.Map(5); }, io::ExitCode::kNoResources).find("memory"), std::string::npos);
+  EXPECT_NE(ErrorOf([&] { colmap.Map("", 5); }, io::ExitCode::kNoResources).find("memory"),
+            std::string::npos);
 }
 
 TEST_F(StandInColmap, NoModelIsAnAnswer) {
   Install("echo failed to create sparse model; exit 1");
   sfm::Colmap colmap = Make();
-  EXPECT_TRUE(colmap.Map(5).empty());
+  EXPECT_TRUE(colmap.Map("", 5).empty());
 }
 
-TEST_F(StandInColmap, MatchingStopsAtItsCeiling) {
-  Install("sleep 60");
-  sfm::Colmap colmap = Make();
-  EXPECT_FALSE(colmap.MatchPairs({"a.png", "b.png"}, sfm::AllPairs(2), 0.3));
+TEST_F(StandInColmap, ModelsThatCannotBeMergedAreNoFailure) {
+  for (const char* body : {"exit 1", "exit 0"}) {
+    Install(body);
+    sfm::Colmap colmap = Make();
+    EXPECT_FALSE(colmap.Merge(folder_ / "0", folder_ / "1")) << body;
+  }
 }
 
 TEST_F(StandInColmap, ExtractionWithoutADatabaseIsNotBelieved) {
   Install("exit 0");
   sfm::Colmap colmap = Make();
-  ErrorOf([&] { colmap.ExtractFeatures({{.names = {"a.png"}, .width = 10, .height = 10}}, {}); },
-          io::ExitCode::kBadState);
+  ErrorOf([&] { Extract(&colmap); }, io::ExitCode::kBadState);
+}
+
+TEST_F(StandInColmap, VerificationWithoutADatabaseIsNotBelieved) {
+  Install("exit 0");
+  sfm::Colmap colmap = Make();
+  sfm::CapturedViews views{.names = {"a.png", "b.png"}, .features = std::vector<sfm::Features>(2)};
+  views.groups = {{.names = views.names, .width = 640, .height = 480}};
+  ErrorOf([&] { colmap.VerifyMatches(views, {{.a = 0, .b = 1}}); }, io::ExitCode::kBadState);
 }
 
 TEST_F(StandInColmap, ExtractionThatSkipsPicturesIsNotBelieved) {
@@ -102,27 +117,22 @@ TEST_F(StandInColmap, ExtractionThatSkipsPicturesIsNotBelieved) {
   std::ofstream(folder_ / "images" / "a.png") << "not a picture";
   setenv("PATH", old_path_.c_str(), 1);
   if (std::system("command -v colmap >/dev/null") != 0) GTEST_SKIP() << "colmap is not installed";
-  sfm::Colmap colmap(folder_ / "images", folder_ / "work", 1);
-  const std::string message =
-      ErrorOf([&] { colmap.ExtractFeatures({{.names = {"a.png"}, .width = 10, .height = 10}}, {}); },
-              io::ExitCode::kMissingTool);
-  EXPECT_NE(message.find("skipped 1 pictures, first a.png"), std::string::npos) << message;
+  sfm::Colmap colmap = Make();
+  const std::string message = ErrorOf([&] { Extract(&colmap); }, io::ExitCode::kMissingTool);
+  EXPECT_NE(message.find("skipped a.png"), std::string::npos) << message;
 }
 
 TEST_F(StandInColmap, ArgumentsAreThoseOfTheInstalledVersion) {
   Install("echo \"$@\" >> " + (folder_ / "calls").string());
   sfm::Colmap colmap = Make();
-  EXPECT_TRUE(colmap.MatchPairs({"a.png", "b.png"}, sfm::AllPairs(2)));
-  EXPECT_THROW(
-      colmap.ExtractFeatures({{.names = {"a.png"}, .width = 640, .height = 480, .focal_px = 600}}, {}),
-      io::Error);
+  EXPECT_THROW(Extract(&colmap), io::Error);
+  colmap.Map(folder_, 5, true);
   std::ifstream in(folder_ / "calls");
   const std::string calls(std::istreambuf_iterator<char>(in), {});
-  EXPECT_NE(calls.find("matches_importer"), std::string::npos) << calls;
-  EXPECT_NE(calls.find("--SiftMatching.use_gpu 0"), std::string::npos) << calls;
   EXPECT_NE(calls.find("--SiftExtraction.use_gpu 0"), std::string::npos) << calls;
-  EXPECT_NE(calls.find("--ImageReader.camera_params 600.000000,320.000000,240.000000,0"), std::string::npos)
-      << calls;
+  EXPECT_NE(calls.find("--Mapper.num_threads 1"), std::string::npos) << calls;
+  EXPECT_NE(calls.find("--Mapper.init_min_tri_angle 8"), std::string::npos) << calls;
+  EXPECT_EQ(calls.find("--Mapper.ba_global"), std::string::npos) << "not listed in this help: " << calls;
 }
 
 }  // namespace

@@ -14,19 +14,20 @@ TEST(ImagePairs, AllAndSequential) {
 }
 
 // A walk of n pictures along a wall of random descriptors: picture i sees rows [20 i, 20 i + 100), slightly
-// changed and in another order.
-std::vector<sfm::Descriptors> Walk(int n) {
+// changed and in reverse order.
+std::vector<sfm::Features> Walk(int n) {
   std::mt19937 random(3);
-  std::uniform_real_distribution<float> value(0, 1);
-  const auto draw = [&](int rows) {
-    return sfm::Descriptors::NullaryExpr(rows, 128, [&] { return value(random); }).eval();
-  };
-  const sfm::Descriptors wall = draw(20 * n + 100);
-  std::vector<sfm::Descriptors> pictures;
+  std::vector<std::uint8_t> wall;
+  for (int i = 0; i < (20 * n + 100) * sfm::kDescriptorBytes; ++i) wall.push_back(random() % 80);
+  std::vector<sfm::Features> pictures(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) {
-    sfm::Descriptors picture = (wall.middleRows(20 * i, 100) + 0.1f * draw(100)).colwise().reverse();
-    picture.rowwise().normalize();
-    pictures.push_back(picture);
+    for (int row = 20 * i + 99; row >= 20 * i; --row) {
+      pictures[i].keypoints.push_back({});
+      for (int k = 0; k < sfm::kDescriptorBytes; ++k) {
+        pictures[i].descriptors.push_back(
+            static_cast<std::uint8_t>(wall[row * sfm::kDescriptorBytes + k] + random() % 4));
+      }
+    }
   }
   return pictures;
 }
@@ -42,8 +43,8 @@ TEST(ImagePairs, LikelyPairsAreThoseThatOverlap) {
 }
 
 TEST(ImagePairs, PicturesWithoutFeaturesHaveNoPartners) {
-  std::vector<sfm::Descriptors> pictures = Walk(3);
-  pictures[1].resize(0, 128);
+  std::vector<sfm::Features> pictures = Walk(3);
+  pictures[1] = {};
   EXPECT_EQ(sfm::LikelyPairs(pictures, 4, 2), (sfm::ImagePairs{{0, 2}}));
 }
 

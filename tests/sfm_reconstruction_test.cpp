@@ -120,7 +120,7 @@ TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
   EXPECT_GT(scene.points.size(), 100u);
   EXPECT_LT(result.model.mean_reprojection_error_px, 1.0);
   EXPECT_GT(result.triangulation_angle_deg, 5);
-  EXPECT_TRUE(fs::exists(result.sparse_folder / "0" / "images.bin"));
+  EXPECT_TRUE(fs::exists(result.database));
   EXPECT_FALSE(decisions_.empty());
   // The world is free up to a similarity: compare rotations, and ratios of distances, between pictures.
   const auto& frames = scene.frames;
@@ -138,6 +138,46 @@ TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
                 0.03)
         << i;
   }
+}
+
+TEST_F(SmallCapture, TheNumberOfThreadsChangesNoBit) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  for (int i = 0; i < 5; ++i)
+    Add(LookAt({1.6 * std::sin(0.16 * i), 0.1 * i, 1.6 * std::cos(0.16 * i)}, {0, 0, 0}));
+  const sfm::Reconstruction one = Run({.features = 600, .threads = 1});
+  fs::remove_all(folder_ / "work");
+  const sfm::Reconstruction three = Run({.features = 600, .threads = 3});
+  const auto &a = one.model.scene, &b = three.model.scene;
+  ASSERT_EQ(a.frames.size(), 5u);
+  ASSERT_EQ(b.frames.size(), 5u);
+  EXPECT_EQ(a.cameras, b.cameras);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(a.frames[i].world_from_cam.rotation, b.frames[i].world_from_cam.rotation) << i;
+    EXPECT_EQ(a.frames[i].world_from_cam.translation, b.frames[i].world_from_cam.translation) << i;
+  }
+  ASSERT_EQ(a.points.size(), b.points.size());
+  for (std::size_t i = 0; i < a.points.size(); ++i) ASSERT_EQ(a.points[i].xyz, b.points[i].xyz) << i;
+}
+
+TEST_F(SmallCapture, AStrongerAttemptIsMadeAndItsReasonGiven) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  for (int i = 0; i < 5; ++i)
+    Add(LookAt({1.6 * std::sin(0.16 * i), 0.1 * i, 1.6 * std::cos(0.16 * i)}, {0, 0, 0}));
+  // Nothing in common with the others.
+  fs::create_directories(folder_ / "images");
+  io::Image noise = io::MakeImage(kWidth, kHeight, 3);
+  for (std::size_t i = 0; i < noise.data.size(); ++i) {
+    noise.data[i] = static_cast<std::uint8_t>(255 * CellValue(static_cast<int>(i / 3), 7, 99));
+  }
+  io::WriteImage(folder_ / "images" / "stranger.png", noise);
+  pictures_.push_back({.name = "stranger.png", .width = kWidth, .height = kHeight, .focal_px = 380});
+  const sfm::Reconstruction result = Run();
+  ASSERT_EQ(result.unregistered.size(), 1u);
+  EXPECT_EQ(result.unregistered[0].name, "stranger.png");
+  EXPECT_EQ(result.unregistered[0].cause.substr(0, 11), "no overlap:") << result.unregistered[0].cause;
+  bool tried = false;
+  for (const std::string& line : decisions_) tried |= line.find("trying again with") != std::string::npos;
+  EXPECT_TRUE(tried);
 }
 
 void ExpectCause(const std::function<void()>& run, const std::string& cause) {
@@ -180,6 +220,7 @@ TEST_F(SmallCapture, TwoPicturesAreTooFew) {
 TEST_F(SmallCapture, UnknownOptionsAreUsageErrors) {
   for (const sfm::ReconstructionOptions& options : {sfm::ReconstructionOptions{.camera_model = "FISHEYE"},
                                                     sfm::ReconstructionOptions{.matching = "magic"},
+                                                    sfm::ReconstructionOptions{.detector = "orb"},
                                                     sfm::ReconstructionOptions{.features = 5}}) {
     try {
       Run(options);

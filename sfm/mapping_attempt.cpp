@@ -1,0 +1,137 @@
+#include "sfm/mapping_attempt.h"
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <set>
+
+#include "io/error.h"
+
+namespace sfm {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kMinMatches = 15;  // COLMAP's --TwoViewGeometry.min_num_inliers
+constexpr int kMinSharedPictures = 3;    // three centres fix a similarity
+// Merged models may fit a little worse than the better of the two.
+constexpr double kMergedErrorGrowth = 1.1;
+
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+io::ColmapModel ReadModel(const fs::path& folder, const std::map<std::string, const Picture*>& by_name) {
+  io::ColmapModel model = io::ReadColmapModel(folder);
+  for (const io::Frame& frame : model.scene.frames) {
+    const auto picture = by_name.find(frame.image_path.string());
+    const io::Camera& camera = model.scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    if (picture == by_name.end() || picture->second->width != camera.width ||
+        picture->second->height != camera.height) {
+      throw io::Error(io::ExitCode::kMissingTool,
+                      "colmap mapper reported success but its model " + folder.string() + " holds " +
+                          frame.image_path.string() +
+                          ", which is not a picture of this capture or has another size");
+    }
+  }
+  return model;
+}
+
+std::set<std::string> FrameNames(const io::ColmapModel& model) {
+  std::set<std::string> names;
+  for (const io::Frame& frame : model.scene.frames) names.insert(frame.image_path.string());
+  return names;
+}
+
+int CountShared(const io::ColmapModel& a, const io::ColmapModel& b) {
+  const std::set<std::string> names = FrameNames(a);
+  return static_cast<int>(
+      std::count_if(b.scene.frames.begin(), b.scene.frames.end(), [&](const io::Frame& frame) {
+        return names.count(frame.image_path.string()) > 0;
+      }));
+}
+
+}  // namespace
+
+std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures) {
+  std::map<std::string, std::vector<const Picture*>> by_key;
+  for (const Picture& picture : pictures) {
+    by_key[picture.camera_group + "/" + std::to_string(picture.width) + "x" + std::to_string(picture.height)]
+        .push_back(&picture);
+  }
+  std::vector<CameraGroup> groups;
+  for (const auto& [key, members] : by_key) {
+    CameraGroup group{.width = members.front()->width, .height = members.front()->height};
+    std::vector<double> focals;
+    for (const Picture* picture : members) {
+      group.names.push_back(picture->name);
+      if (picture->focal_px > 0) focals.push_back(picture->focal_px);
+    }
+    if (!focals.empty()) group.focal_px = Median(focals);
+    groups.push_back(std::move(group));
+  }
+  return groups;
+}
+
+std::vector<std::string> Names(const std::vector<Picture>& pictures) {
+  std::vector<std::string> names;
+  for (const Picture& picture : pictures) names.push_back(picture.name);
+  return names;
+}
+
+MappingAttempt Attempt(const std::vector<Picture>& pictures,
+                       const CapturedViews& views,
+                       const std::vector<PairMatches>& matches,
+                       const fs::path& images_folder,
+                       const fs::path& folder,
+                       bool relaxed,
+                       int threads) {
+  Colmap colmap(folder, threads);
+  std::vector<PairMatches> enough;
+  std::copy_if(matches.begin(), matches.end(), std::back_inserter(enough), [](const PairMatches& pair) {
+    return pair.matches.size() >= kMinMatches;
+  });
+  MappingAttempt attempt{.database = colmap.database(), .log = folder / "colmap.log"};
+  Clock::time_point start = Clock::now();
+  colmap.VerifyMatches(views, enough);
+  attempt.verifying_s = SecondsSince(start);
+  attempt.evidence = {Summaries(views.names, views.features), ReadVerifiedPairs(colmap.database())};
+
+  start = Clock::now();
+  std::map<std::string, const Picture*> by_name;
+  for (const Picture& picture : pictures) by_name[picture.name] = &picture;
+  std::vector<std::pair<fs::path, io::ColmapModel>> models;
+  for (const fs::path& path : colmap.Map(images_folder, static_cast<int>(pictures.size()), relaxed)) {
+    models.emplace_back(path, ReadModel(path, by_name));
+  }
+  const auto largest_first = [](const auto& a, const auto& b) {
+    return a.second.scene.frames.size() > b.second.scene.frames.size();
+  };
+  std::stable_sort(models.begin(), models.end(), largest_first);
+  for (std::size_t i = 1; i < models.size(); ++i) {
+    if (CountShared(models[0].second, models[i].second) < kMinSharedPictures) continue;
+    const std::optional<fs::path> path = colmap.Merge(models[0].first, models[i].first);
+    if (!path) continue;
+    io::ColmapModel merged = ReadModel(*path, by_name);
+    const double error =
+        std::max(models[0].second.mean_reprojection_error_px, models[i].second.mean_reprojection_error_px);
+    if (merged.scene.frames.size() > models[0].second.scene.frames.size() &&
+        merged.mean_reprojection_error_px <= kMergedErrorGrowth * error) {
+      models[0] = {*path, std::move(merged)};
+    }
+  }
+  for (auto& [path, model] : models) attempt.models.push_back(std::move(model));
+  attempt.mapping_s = SecondsSince(start);
+  attempt.cpu_s = colmap.cpu_s();
+  attempt.peak_rss_bytes = colmap.peak_rss_bytes();
+  return attempt;
+}
+
+}  // namespace sfm

@@ -1,0 +1,42 @@
+// One pass through COLMAP: matches are verified and mapped, and what came out is read.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "io/colmap_model.h"
+#include "sfm/colmap.h"
+#include "sfm/diagnosis.h"
+#include "sfm/matching.h"
+#include "sfm/reconstruction.h"
+
+namespace sfm {
+
+struct MappingAttempt {
+  CaptureEvidence evidence;
+  std::vector<io::ColmapModel> models;  // largest first
+  std::filesystem::path database, log;
+  double verifying_s = 0, mapping_s = 0;  // wall
+  double cpu_s = 0;
+  std::size_t peak_rss_bytes = 0;
+
+  int Registered() const { return models.empty() ? 0 : static_cast<int>(models.front().scene.frames.size()); }
+};
+
+// One camera per group and size: a camera shared by pictures of different sizes is refused by COLMAP.
+std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures);
+
+std::vector<std::string> Names(const std::vector<Picture>& pictures);
+
+// folder: private. images_folder: see Colmap::Map. Models that share at least 3 pictures are merged when the
+// union fits as well. Pairs with fewer than 15 matches are left out, as COLMAP would.
+MappingAttempt Attempt(const std::vector<Picture>& pictures,
+                       const CapturedViews& views,
+                       const std::vector<PairMatches>& matches,
+                       const std::filesystem::path& images_folder,
+                       const std::filesystem::path& folder,
+                       bool relaxed,
+                       int threads);
+
+}  // namespace sfm

@@ -1,0 +1,149 @@
+// What goes into COLMAP's database comes out of it, and damage is noticed.
+#include "sfm/colmap_database.h"
+
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+
+#include <cstdlib>
+
+#include "io/error.h"
+#include "io/process.h"
+#include "temp_dir.h"
+
+namespace {
+
+// The tables of COLMAP 3.8 that are used here; with_rigs: those of 3.12 and later as well.
+void CreateDatabase(const std::filesystem::path& path, bool with_rigs) {
+  sqlite3* handle = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &handle), SQLITE_OK);
+  std::string tables =
+      "CREATE TABLE cameras(camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height INTEGER, "
+      "params BLOB, "
+      "prior_focal_length INTEGER);"
+      "CREATE TABLE images(image_id INTEGER PRIMARY KEY, name TEXT UNIQUE, camera_id INTEGER);"
+      "CREATE TABLE keypoints(image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
+      "CREATE TABLE descriptors(image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
+      "CREATE TABLE matches(pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
+      "CREATE TABLE two_view_geometries(pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB, "
+      "config INTEGER);";
+  if (with_rigs) {
+    tables +=
+        "CREATE TABLE rigs(rig_id INTEGER PRIMARY KEY, ref_sensor_id INTEGER, ref_sensor_type INTEGER);"
+        "CREATE TABLE frames(frame_id INTEGER PRIMARY KEY, rig_id INTEGER);"
+        "CREATE TABLE frame_data(frame_id INTEGER, data_id INTEGER, sensor_id INTEGER, sensor_type INTEGER);";
+  }
+  ASSERT_EQ(sqlite3_exec(handle, tables.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(handle);
+}
+
+// All rows of a query as text; blobs as hexadecimal digits.
+std::string Query(const std::filesystem::path& path, const std::string& query) {
+  sqlite3* handle = nullptr;
+  EXPECT_EQ(sqlite3_open(path.c_str(), &handle), SQLITE_OK);
+  std::string text;
+  const auto row = [](void* out, int n, char** values, char**) {
+    for (int i = 0; i < n; ++i)
+      *static_cast<std::string*>(out) += std::string(i ? "|" : "") + (values[i] ? values[i] : "NULL");
+    *static_cast<std::string*>(out) += ";";
+    return 0;
+  };
+  EXPECT_EQ(sqlite3_exec(handle, query.c_str(), row, &text, nullptr), SQLITE_OK) << sqlite3_errmsg(handle);
+  sqlite3_close(handle);
+  return text;
+}
+
+sfm::Features TwoFeatures() {
+  sfm::Features features;
+  features.keypoints = {{1, 2, 3, 0.5}, {4, 5, 6, -0.5}};
+  return features;
+}
+
+TEST(ColmapDatabase, PicturesAndCameras) {
+  TempDir folder;
+  const auto path = folder / "d.db";
+  CreateDatabase(path, true);
+  sfm::WritePictures(path,
+                     {{.names = {"b.png"}, .width = 100, .height = 50},
+                      {.names = {"a.png", "c.png"}, .width = 60, .height = 80, .focal_px = 70}},
+                     "SIMPLE_RADIAL",
+                     {"a.png", "b.png", "c.png"},
+                     {TwoFeatures(), {}, TwoFeatures()});
+  EXPECT_EQ(
+      Query(path, "SELECT camera_id, model, width, height, prior_focal_length, length(params) FROM cameras"),
+      "1|2|100|50|0|32;2|2|60|80|1|32;");
+  // 120 = 1.2 * 100, 50, 25, 0 as little-endian doubles.
+  EXPECT_EQ(Query(path, "SELECT hex(params) FROM cameras WHERE camera_id = 1"),
+            "0000000000005E40000000000000494000000000000039400000000000000000;");
+  EXPECT_EQ(Query(path, "SELECT * FROM images"), "1|a.png|2;2|b.png|1;3|c.png|2;");
+  EXPECT_EQ(Query(path, "SELECT image_id, rows, cols FROM keypoints"), "1|2|4;2|0|4;3|2|4;");
+  EXPECT_EQ(Query(path, "SELECT * FROM rigs"), "1|1|0;2|2|0;");
+  EXPECT_EQ(Query(path, "SELECT * FROM frames"), "1|2;2|1;3|2;");
+  EXPECT_EQ(Query(path, "SELECT * FROM frame_data"), "1|1|2|0;2|2|1|0;3|3|2|0;");
+}
+
+TEST(ColmapDatabase, MatchesRunFromTheSmallerImageId) {
+  TempDir folder;
+  const auto path = folder / "d.db";
+  CreateDatabase(path, false);
+  const std::vector<std::string> names = {"a.png", "b.png"};
+  sfm::WritePictures(
+      path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, {TwoFeatures(), TwoFeatures()});
+  sfm::WriteMatches(path, {"b.png", "a.png"}, {{.a = 0, .b = 1, .matches = {{0, 1}}}});
+  EXPECT_EQ(Query(path, "SELECT pair_id, rows, cols, hex(data) FROM matches"),
+            "2147483649|1|2|0100000000000000;");
+}
+
+TEST(ColmapDatabase, FeaturesOfColmapAreRead) {
+  TempDir folder;
+  const auto path = folder / "d.db";
+  CreateDatabase(path, false);
+  const std::vector<std::string> names = {"a.png", "b.png"};
+  sfm::WritePictures(
+      path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, {TwoFeatures(), {}});
+  EXPECT_THROW(sfm::ReadFeatures(path, names), io::Error);  // keypoints without descriptors
+  Query(path, "INSERT INTO descriptors VALUES(1, 2, 128, zeroblob(256))");
+  const auto features = sfm::ReadFeatures(path, {"b.png", "a.png"});
+  EXPECT_TRUE(features[0].keypoints.empty());
+  ASSERT_EQ(features[1].keypoints.size(), 2u);
+  EXPECT_EQ(features[1].keypoints[1].x, 4);
+  EXPECT_EQ(features[1].keypoints[1].angle, -0.5f);
+  EXPECT_EQ(features[1].descriptors.size(), 256u);
+  EXPECT_THROW(sfm::ReadFeatures(path, {"missing.png"}), io::Error);
+  Query(path, "UPDATE keypoints SET rows = 3 WHERE image_id = 1");
+  EXPECT_THROW(sfm::ReadFeatures(path, names), io::Error);
+}
+
+TEST(ColmapDatabase, GeometriesAreCopiedAndRead) {
+  TempDir folder;
+  const auto from = folder / "from.db", to = folder / "to.db";
+  for (const auto& path : {from, to}) {
+    CreateDatabase(path, false);
+    const std::vector<std::string> names = {"a.png", "b.png", "c.png"};
+    sfm::WritePictures(
+        path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, std::vector<sfm::Features>(3));
+  }
+  // 2 calibrated, 5 panoramic, 1 degenerate.
+  Query(from,
+        "INSERT INTO two_view_geometries VALUES(2147483649, 40, 2, NULL, 2), (2147483650, 30, 2, NULL, 5), "
+        "(4294967297, 20, 2, NULL, 1)");
+  sfm::CopyGeometries(from, to);
+  const auto pairs = sfm::ReadVerifiedPairs(to);
+  ASSERT_EQ(pairs.size(), 2u);
+  EXPECT_EQ(pairs[0].name_b, "b.png");
+  EXPECT_EQ(pairs[0].inliers, 40);
+  EXPECT_EQ(pairs[0].geometry, sfm::PairGeometry::kGeneral);
+  EXPECT_EQ(pairs[1].name_b, "c.png");
+  EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kPlanarOrRotation);
+  Query(to, "INSERT INTO two_view_geometries VALUES(9, 40, 2, NULL, 2)");
+  EXPECT_THROW(sfm::ReadVerifiedPairs(to), io::Error);
+}
+
+TEST(ColmapDatabase, WhatIsNoDatabaseIsRefused) {
+  TempDir folder;
+  EXPECT_THROW(sfm::ReadVerifiedPairs(folder / "missing.db"), io::Error);
+  std::ofstream(folder / "text.db")
+      << "This is not a database, though it is longer than a header of SQLite. ";
+  EXPECT_THROW(sfm::ReadVerifiedPairs(folder / "text.db"), io::Error);
+}
+
+}  // namespace

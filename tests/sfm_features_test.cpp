@@ -1,0 +1,163 @@
+// Positions, masks and order of detected features, on pictures drawn with known centres.
+#include "sfm/features.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "io/error.h"
+#include "io/image.h"
+#include "temp_dir.h"
+
+namespace {
+
+struct Spot {
+  double x, y, sigma;
+};
+
+// Gaussian spots on grey; the centre of the top-left pixel is (0.5, 0.5).
+io::Image Draw(int width, int height, const std::vector<Spot>& spots) {
+  io::Image image = io::MakeImage(width, height, 3);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      double value = 60;
+      for (const Spot& s : spots) {
+        const double d2 = std::pow(x + 0.5 - s.x, 2) + std::pow(y + 0.5 - s.y, 2);
+        value += 160 * std::exp(-d2 / (2 * s.sigma * s.sigma));
+      }
+      for (int c = 0; c < 3; ++c)
+        image.Pixel(x, y)[c] = static_cast<std::uint8_t>(std::lround(std::min(255.0, value)));
+    }
+  }
+  return image;
+}
+
+std::vector<Spot> Spots() {
+  std::vector<Spot> spots;
+  for (int i = 0; i < 24; ++i) {
+    spots.push_back(
+        {60.0 + 70 * (i % 6) + 0.37 * (i % 5), 50.0 + 80 * (i / 6) + 0.29 * (i % 7), 2.5 + 0.35 * (i % 8)});
+  }
+  return spots;
+}
+
+// Mean displacement of the keypoints nearest to the spots, over the spots that have one within a pixel: a
+// spot that is symmetric on the pixel grid can lack a strict extremum.
+std::array<double, 2> MeanDisplacement(const sfm::Features& features,
+                                       const std::vector<Spot>& spots,
+                                       double scale) {
+  double dx = 0, dy = 0;
+  int n = 0;
+  for (const Spot& s : spots) {
+    const sfm::Keypoint* nearest = nullptr;
+    const auto distance = [&](const sfm::Keypoint& k) {
+      return std::hypot(k.x - scale * s.x, k.y - scale * s.y);
+    };
+    for (const sfm::Keypoint& k : features.keypoints) {
+      if (!nearest || distance(k) < distance(*nearest)) nearest = &k;
+    }
+    if (distance(*nearest) > scale) continue;
+    dx += nearest->x - scale * s.x;
+    dy += nearest->y - scale * s.y;
+    ++n;
+  }
+  EXPECT_GE(n, 20);
+  return {dx / n, dy / n};
+}
+
+TEST(Features, PixelCentresAreAtOneHalf) {
+  TempDir folder;
+  io::WriteImage(folder / "spots.png", Draw(480, 360, Spots()));
+  const sfm::Features features = sfm::DetectFeatures(folder.path(), {"spots.png"}, "", {})[0];
+  ASSERT_GE(features.keypoints.size(), 24u);
+  // A convention off by half a pixel, or OpenCV's quarter, shows as a mean of that size; the spots' own
+  // detection noise averages to less than 0.03 px.
+  const auto [dx, dy] = MeanDisplacement(features, Spots(), 1);
+  EXPECT_NEAR(dx, 0, 0.03);
+  EXPECT_NEAR(dy, 0, 0.03);
+}
+
+TEST(Features, DetectionInASmallerPictureKeepsThePositions) {
+  TempDir folder;
+  std::vector<Spot> spots = Spots();
+  for (Spot& s : spots) s = {3 * s.x, 3 * s.y, 3 * s.sigma};
+  io::WriteImage(folder / "large.png", Draw(1440, 1080, spots));
+  const sfm::Features features =
+      sfm::DetectFeatures(folder.path(), {"large.png"}, "", {.max_image_size = 480})[0];
+  const auto [dx, dy] = MeanDisplacement(features, Spots(), 3);
+  EXPECT_NEAR(dx, 0, 0.09);  // 0.03 px of the small picture
+  EXPECT_NEAR(dy, 0, 0.09);
+}
+
+TEST(Features, DescriptorsAreRootSift) {
+  TempDir folder;
+  io::WriteImage(folder / "spots.png", Draw(480, 360, Spots()));
+  const sfm::Features features = sfm::DetectFeatures(folder.path(), {"spots.png"}, "", {})[0];
+  ASSERT_EQ(features.descriptors.size(), features.keypoints.size() * sfm::kDescriptorBytes);
+  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
+    double norm2 = 0;
+    for (int k = 0; k < sfm::kDescriptorBytes; ++k)
+      norm2 += std::pow(features.descriptors[i * sfm::kDescriptorBytes + k], 2);
+    // Rounding moves each of 128 entries by at most 1/2: 512 -+ 5.7.
+    EXPECT_NEAR(std::sqrt(norm2), 512, 5.7) << i;
+  }
+}
+
+TEST(Features, TheStrongestAreKeptWhateverTheThreads) {
+  TempDir folder;
+  io::WriteImage(folder / "a.png", Draw(480, 360, Spots()));
+  io::WriteImage(folder / "b.png", Draw(480, 360, {{100, 100, 3}, {200, 150, 4}}));
+  const auto all = sfm::DetectFeatures(folder.path(), {"a.png", "b.png"}, "", {.threads = 1});
+  const auto few =
+      sfm::DetectFeatures(folder.path(), {"a.png", "b.png"}, "", {.max_features = 10, .threads = 2});
+  ASSERT_EQ(few[0].keypoints.size(), 10u);
+  for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(few[0].keypoints[i].x, all[0].keypoints[i].x) << i;
+  EXPECT_EQ(few[1].descriptors, all[1].descriptors);
+}
+
+TEST(Features, NothingIsFoundBehindAMask) {
+  TempDir folder, masks;
+  io::WriteImage(folder / "a.png", Draw(480, 360, Spots()));
+  io::Image mask = io::MakeImage(480, 360, 3);
+  for (int y = 0; y < 360; ++y) {
+    for (int x = 240; x < 480; ++x) {
+      for (int c = 0; c < 3; ++c) mask.Pixel(x, y)[c] = 255;
+    }
+  }
+  io::WriteImage(masks / "a.png", mask);
+  const sfm::Features features = sfm::DetectFeatures(folder.path(), {"a.png"}, masks.path(), {})[0];
+  ASSERT_GT(features.keypoints.size(), 5u);
+  for (const sfm::Keypoint& k : features.keypoints) EXPECT_GT(k.x, 239) << k.y;
+}
+
+TEST(Features, UnreadablePicturesAndWrongMasksAreNamed) {
+  TempDir folder, masks;
+  io::WriteImage(folder / "a.png", Draw(480, 360, Spots()));
+  io::WriteImage(masks / "a.png", Draw(100, 100, {}));
+  for (const auto& [name, masks_folder] :
+       {std::pair{"missing.png", std::filesystem::path()}, {"a.png", masks.path()}}) {
+    try {
+      sfm::DetectFeatures(folder.path(), {name}, masks_folder, {.threads = 2});
+      FAIL() << name;
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.code(), io::ExitCode::kBadInput);
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+    }
+  }
+}
+
+TEST(Features, LargestFirst) {
+  sfm::Features features;
+  for (int i = 0; i < 5; ++i) {
+    features.keypoints.push_back({.x = static_cast<float>(i), .scale = static_cast<float>((i * 3) % 5)});
+    features.descriptors.insert(
+        features.descriptors.end(), sfm::kDescriptorBytes, static_cast<std::uint8_t>(i));
+  }
+  const sfm::Features largest = sfm::LargestFeatures(features, 2);
+  ASSERT_EQ(largest.keypoints.size(), 2u);
+  EXPECT_EQ(largest.keypoints[0].x, 3);  // scale 4
+  EXPECT_EQ(largest.keypoints[1].x, 1);  // scale 3
+  EXPECT_EQ(largest.descriptors[sfm::kDescriptorBytes], 1);
+}
+
+}  // namespace

@@ -1,0 +1,119 @@
+// Which descriptors are called a match, and what is removed as standing still.
+#include "sfm/matching.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "sfm/stationary_matches.h"
+
+namespace {
+
+using Match = std::array<int, 2>;
+
+// A descriptor of length 512 with two entries, at this angle between dimensions `first` and `first` + 1.
+void Append(sfm::Features* features, int first, double degrees) {
+  std::vector<std::uint8_t> row(sfm::kDescriptorBytes, 0);
+  // 8 equal dimensions per direction: single ones would exceed a byte.
+  for (int k = 0; k < 8; ++k) {
+    row[16 * first + k] =
+        static_cast<std::uint8_t>(std::lround(512 / std::sqrt(8.0) * std::cos(degrees / 180 * M_PI)));
+    row[16 * first + 8 + k] =
+        static_cast<std::uint8_t>(std::lround(512 / std::sqrt(8.0) * std::sin(degrees / 180 * M_PI)));
+  }
+  features->descriptors.insert(features->descriptors.end(), row.begin(), row.end());
+  features->keypoints.push_back({});
+}
+
+TEST(Matching, MutualDistinctAndNear) {
+  sfm::Features a, b;
+  Append(&a, 0, 0);   // 0: nearest is b0 at 4 degrees, second b1 at 30
+  Append(&a, 1, 0);   // 1: b2 at 10 and b3 at 11 degrees are hard to tell apart
+  Append(&a, 2, 0);   // 2: b4 is mutual but 60 degrees away
+  Append(&a, 3, 0);   // 3: nearest is b5, but b5 is nearer to a4
+  Append(&a, 3, 30);  // 4
+  Append(&b, 0, 4);
+  Append(&b, 0, 30);
+  Append(&b, 1, 10);
+  Append(&b, 1, 11);
+  Append(&b, 2, 60);
+  Append(&b, 3, 29);
+  const auto pairs = sfm::MatchFeatures({a, b}, {{0, 1}}, 2);
+  ASSERT_EQ(pairs.size(), 1u);
+  EXPECT_EQ(pairs[0].matches, (std::vector<Match>{{0, 0}, {4, 5}}));
+}
+
+TEST(Matching, TheRatioTestHoldsFromBothSides) {
+  sfm::Features a, b;
+  Append(&a, 0, 0);
+  Append(&a, 0, 10.5);  // b0 is 5 and 5.5 degrees from them: clear for neither
+  Append(&b, 0, 5);
+  EXPECT_TRUE(sfm::MatchFeatures({a, b}, {{0, 1}}, 1)[0].matches.empty());
+  EXPECT_TRUE(sfm::MatchFeatures({b, a}, {{0, 1}}, 1)[0].matches.empty());
+}
+
+TEST(Matching, PicturesWithoutFeaturesAndTheOrderOfPairs) {
+  sfm::Features a;
+  Append(&a, 0, 0);
+  const auto pairs = sfm::MatchFeatures({a, {}, a}, {{0, 1}, {0, 2}, {1, 2}}, 3);
+  ASSERT_EQ(pairs.size(), 3u);
+  EXPECT_TRUE(pairs[0].matches.empty());
+  EXPECT_EQ(pairs[1].matches, (std::vector<Match>{{0, 0}}));
+  EXPECT_EQ(pairs[1].a, 0);
+  EXPECT_EQ(pairs[1].b, 2);
+  EXPECT_TRUE(pairs[2].matches.empty());
+}
+
+// n pictures of 40 + 40 points: the first 40 move by `step` px from picture to picture, the others stay.
+std::vector<sfm::Features> Turntable(int n, float step) {
+  std::vector<sfm::Features> features(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < 80; ++k) {
+      features[i].keypoints.push_back(
+          {.x = static_cast<float>(10 * k) + (k < 40 ? step * static_cast<float>(i) : 0), .y = 5});
+    }
+  }
+  return features;
+}
+
+std::vector<sfm::PairMatches> AllMatches(int n) {
+  std::vector<sfm::PairMatches> pairs;
+  for (const auto& [a, b] : sfm::AllPairs(n)) {
+    pairs.push_back({.a = a, .b = b});
+    for (int k = 0; k < 80; ++k) pairs.back().matches.push_back({k, k});
+  }
+  return pairs;
+}
+
+TEST(StationaryMatches, ATurntablesBackgroundIsRemoved) {
+  auto matches = AllMatches(4);
+  const sfm::StationaryShare share = sfm::RemoveStationaryMatches(Turntable(4, 20), &matches);
+  EXPECT_EQ(share.pairs, 6);
+  EXPECT_EQ(share.split_pairs, 6);
+  EXPECT_EQ(share.removed, 6u * 40);
+  for (const sfm::PairMatches& pair : matches) {
+    ASSERT_EQ(pair.matches.size(), 40u);
+    EXPECT_EQ(pair.matches.back(), (Match{39, 39}));
+  }
+}
+
+TEST(StationaryMatches, ASlowCameraKeepsAllMatches) {
+  auto matches = AllMatches(3);
+  EXPECT_EQ(sfm::RemoveStationaryMatches(Turntable(3, 2), &matches).removed, 0u);  // 2 and 4 px
+  EXPECT_EQ(matches[0].matches.size(), 80u);
+}
+
+TEST(StationaryMatches, FewSplitPairsAreChance) {
+  auto matches = AllMatches(6);
+  std::vector<sfm::Features> features = Turntable(6, 20);
+  // In all pictures but the last two the other half moves as well.
+  for (int i = 0; i < 6; ++i) {
+    for (int k = 40; k < 80; ++k) features[i].keypoints[k].x += static_cast<float>(20 * std::min(i, 4));
+  }
+  const sfm::StationaryShare share = sfm::RemoveStationaryMatches(features, &matches);
+  EXPECT_EQ(share.split_pairs, 1);
+  EXPECT_EQ(share.removed, 0u);
+}
+
+}  // namespace
