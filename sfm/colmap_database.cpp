@@ -218,20 +218,26 @@ std::vector<VerifiedPair> ReadVerifiedPairs(const std::filesystem::path& path) {
   database.ForEachRow("SELECT image_id, name FROM images",
                       [&](sqlite3_stmt* row) { names[sqlite3_column_int64(row, 0)] = Text(row, 1); });
   std::vector<VerifiedPair> pairs;
-  database.ForEachRow("SELECT pair_id, rows, config FROM two_view_geometries WHERE rows > 0 ORDER BY pair_id",
-                      [&](sqlite3_stmt* row) {
-                        const std::int64_t pair_id = sqlite3_column_int64(row, 0);
-                        const int config = sqlite3_column_int(row, 2);
-                        if (config <= kConfigDegenerate) return;
-                        const auto a = names.find(pair_id / kMaxImages), b = names.find(pair_id % kMaxImages);
-                        if (a == names.end() || b == names.end())
-                          database.Fail("a pair refers to a missing image");
-                        const bool flat = config >= kConfigPlanar && config <= kConfigPlanarOrPanoramic;
-                        pairs.push_back({a->second,
-                                         b->second,
-                                         sqlite3_column_int(row, 1),
-                                         flat ? PairGeometry::kPlanarOrRotation : PairGeometry::kGeneral});
-                      });
+  database.ForEachRow(
+      "SELECT pair_id, rows, config, data FROM two_view_geometries WHERE rows > 0 ORDER BY pair_id",
+      [&](sqlite3_stmt* row) {
+        const std::int64_t pair_id = sqlite3_column_int64(row, 0);
+        const int inliers = sqlite3_column_int(row, 1), config = sqlite3_column_int(row, 2);
+        if (config <= kConfigDegenerate) return;
+        const auto a = names.find(pair_id / kMaxImages), b = names.find(pair_id % kMaxImages);
+        if (a == names.end() || b == names.end()) database.Fail("a pair refers to a missing image");
+        std::vector<std::array<std::uint32_t, 2>> indices(static_cast<std::size_t>(inliers));
+        if (sqlite3_column_bytes(row, 3) != static_cast<int>(indices.size() * sizeof indices[0])) {
+          database.Fail("inliers of " + a->second + " and " + b->second + " do not have the stated size");
+        }
+        std::memcpy(indices.data(), sqlite3_column_blob(row, 3), indices.size() * sizeof indices[0]);
+        const bool flat = config >= kConfigPlanar && config <= kConfigPlanarOrPanoramic;
+        pairs.push_back(
+            {a->second, b->second, inliers, flat ? PairGeometry::kPlanarOrRotation : PairGeometry::kGeneral});
+        for (const auto& [in_a, in_b] : indices) {
+          pairs.back().matches.push_back({static_cast<int>(in_a), static_cast<int>(in_b)});
+        }
+      });
   return pairs;
 }
 

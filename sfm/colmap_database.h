@@ -4,6 +4,7 @@
 // where the tables exist.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -27,6 +28,7 @@ struct VerifiedPair {
   std::string name_a, name_b;
   int inliers = 0;
   PairGeometry geometry = PairGeometry::kGeneral;
+  std::vector<std::array<int, 2>> matches;  // the inliers, as keypoints of a and of b
 };
 
 // All functions throw io::Error kBadState when the file is not such a database or contradicts itself.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <optional>
 #include <set>
 
@@ -10,6 +11,7 @@
 #include "sfm/colmap.h"
 #include "sfm/diagnosis.h"
 #include "sfm/mapping_attempt.h"
+#include "sfm/pair_agreement.h"
 #include "sfm/stationary_matches.h"
 
 namespace sfm {
@@ -35,6 +37,11 @@ constexpr int kRetryFeatures = 8192;
 constexpr double kGoodRegisteredShare = 0.9;
 // A model of fewer pictures is a fragment: its film would hide that the capture failed.
 constexpr double kMinRegisteredShare = 0.6;
+// Good captures reach 0.07 (repeated texture); a model folded onto itself contradicts the pairs of true
+// neighbours, which are the strongest ones.
+constexpr double kMaxContradictingShare = 0.2;
+// Pictures before and after that still count as following when the order is all there is to rely on.
+constexpr int kOrderOverlap = 3;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
 
@@ -129,8 +136,8 @@ class Session {
     return matches;
   }
 
-  // Keeps the attempt when it registers more pictures than the best so far.
-  void Try(std::vector<PairMatches> matches, bool relaxed) {
+  // Keeps the attempt when it registers more pictures than the best so far, or in any case (`always`).
+  void Try(std::vector<PairMatches> matches, bool relaxed, bool always = false) {
     const StationaryShare stationary = RemoveStationaryMatches(views_.features, &matches);
     if (stationary.removed > 0) {
       decide_("removed " + std::to_string(stationary.removed) +
@@ -144,7 +151,16 @@ class Session {
     result_.times.verifying_s += attempt.verifying_s;
     result_.times.mapping_s += attempt.mapping_s;
     CountUse(attempt.cpu_s, attempt.peak_rss_bytes);
-    if (!best_ || attempt.Registered() > best_->Registered()) best_ = std::move(attempt);
+    if (always || !best_ || attempt.Registered() > best_->Registered()) best_ = std::move(attempt);
+  }
+
+  // Where pairs contradict the model, places that look alike may have been taken for one. Neighbours in the
+  // order of the pictures are the pairs least likely to be mistaken.
+  void ResolveContradictions(std::vector<PairMatches> matches) {
+    if (best_->models.empty() || Agreement().contradicting_share <= kMaxContradictingShare) return;
+    decide_(Contradiction() + "; trying again with following pictures only");
+    std::erase_if(matches, [](const PairMatches& pair) { return pair.b - pair.a > kOrderOverlap; });
+    Try(std::move(matches), false, true);
   }
 
   bool Registered(double share) const { return best_->Registered() >= share * n(); }
@@ -216,6 +232,10 @@ class Session {
       if (registered.count(picture.name) > 0) continue;
       result_.unregistered.push_back({picture.name, UnregisteredCause(picture.name, best_->evidence)});
     }
+    if (Agreement().contradicting_share > kMaxContradictingShare) {
+      Refuse("no consistent model: " + Contradiction() +
+             "; the scene repeats itself or moves: mask what moves, or take pictures in closer order");
+    }
     result_.triangulation_angle_deg = MedianTriangulationAngleDeg(result_.model.scene);
     result_.database = best_->database;
     result_.log = best_->log;
@@ -224,6 +244,18 @@ class Session {
 
  private:
   int n() const { return static_cast<int>(pictures_.size()); }
+
+  PairAgreement Agreement() const {
+    return CompareWithPairs(
+        best_->models.front().scene, views_.names, views_.features, best_->evidence.pairs);
+  }
+
+  std::string Contradiction() const {
+    const PairAgreement agreement = Agreement();
+    return std::to_string(std::lround(100 * agreement.contradicting_share)) +
+           " % of the matches contradict the poses found (" + std::to_string(agreement.contradicting) +
+           " of " + std::to_string(agreement.pairs) + " pairs)";
+  }
 
   void CountUse(double cpu_s, std::size_t peak_rss_bytes) {
     result_.colmap_cpu_s += cpu_s;
@@ -252,7 +284,8 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
   const ImagePairs pairs = session.ChoosePairs();
   std::vector<PairMatches> matches = session.Match(pairs);
   session.Try(matches, false);
-  if (options.retry_minutes > 0) session.ClimbLadder(std::move(matches), pairs.size());
+  if (options.retry_minutes > 0) session.ClimbLadder(matches, pairs.size());
+  session.ResolveContradictions(std::move(matches));
   return session.Finish();
 }
 
@@ -265,6 +298,7 @@ Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,
   Session session(pictures, "", work_folder, options, decide);
   session.SetFeatures(features);
   session.Try(matches, false);
+  session.ResolveContradictions(matches);
   return session.Finish();
 }
 

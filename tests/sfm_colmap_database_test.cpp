@@ -124,18 +124,22 @@ TEST(ColmapDatabase, GeometriesAreCopiedAndRead) {
   }
   // 2 calibrated, 5 panoramic, 1 degenerate.
   Query(from,
-        "INSERT INTO two_view_geometries VALUES(2147483649, 40, 2, NULL, 2), (2147483650, 30, 2, NULL, 5), "
+        "INSERT INTO two_view_geometries VALUES(2147483649, 2, 2, x'01000000020000000300000004000000', 2), "
+        "(2147483650, 30, 2, zeroblob(240), 5), "
         "(4294967297, 20, 2, NULL, 1)");
   sfm::CopyGeometries(from, to);
   const auto pairs = sfm::ReadVerifiedPairs(to);
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(pairs[0].name_b, "b.png");
-  EXPECT_EQ(pairs[0].inliers, 40);
+  EXPECT_EQ(pairs[0].inliers, 2);
+  EXPECT_EQ(pairs[0].matches, (std::vector<std::array<int, 2>>{{1, 2}, {3, 4}}));
   EXPECT_EQ(pairs[0].geometry, sfm::PairGeometry::kGeneral);
   EXPECT_EQ(pairs[1].name_b, "c.png");
   EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kPlanarOrRotation);
-  Query(to, "INSERT INTO two_view_geometries VALUES(9, 40, 2, NULL, 2)");
-  EXPECT_THROW(sfm::ReadVerifiedPairs(to), io::Error);
+  Query(to, "INSERT INTO two_view_geometries VALUES(9, 1, 2, zeroblob(8), 2)");
+  EXPECT_THROW(sfm::ReadVerifiedPairs(to), io::Error);  // no such pictures
+  Query(from, "UPDATE two_view_geometries SET rows = 3 WHERE pair_id = 2147483649");
+  EXPECT_THROW(sfm::ReadVerifiedPairs(from), io::Error);  // 2 inliers stored
 }
 
 TEST(ColmapDatabase, WhatIsNoDatabaseIsRefused) {

@@ -1,0 +1,82 @@
+#include "sfm/pair_agreement.h"
+
+#include <cmath>
+#include <map>
+#include <string>
+
+namespace sfm {
+namespace {
+
+constexpr double kMaxErrorPx = 8;  // twice what COLMAP accepts in a pair: poses have errors, too
+constexpr double kMinAgreeingMatches = 0.5;
+
+// A registered picture: its keypoints as unit rays in the world.
+struct View {
+  const io::Camera* camera = nullptr;
+  const io::Rigid3d* world_from_cam = nullptr;
+  const Features* features = nullptr;
+
+  std::optional<Eigen::Vector3d> Ray(int keypoint) const {
+    const Keypoint& k = features->keypoints[static_cast<std::size_t>(keypoint)];
+    const auto ray = io::RayFromImg(*camera, {k.x, k.y});
+    if (!ray) return std::nullopt;
+    return world_from_cam->rotation * *ray;
+  }
+};
+
+bool Agrees(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& t, double tolerance) {
+  const Eigen::Vector3d across = a.cross(b);
+  const double sine = across.norm();
+  if (sine <= tolerance) return true;  // a point far away
+  const double miss = std::abs(t.dot(across)), scale = std::hypot(t.cross(a).norm(), t.cross(b).norm());
+  if (miss > tolerance * scale) return false;
+  // Depths along both rays, in units of the baseline: depth_a a - depth_b b = t but for the miss.
+  const double depth_a = t.cross(b).dot(across), depth_b = t.cross(a).dot(across);
+  return depth_a > 0 && depth_b > 0;
+}
+
+bool Contradicts(const View& a, const View& b, const VerifiedPair& pair) {
+  Eigen::Vector3d t = b.world_from_cam->translation - a.world_from_cam->translation;
+  if (t.norm() > 0) t.normalize();
+  const double tolerance = kMaxErrorPx / std::min(a.camera->fl_x, b.camera->fl_x);
+  int tested = 0, agreeing = 0;
+  for (const auto& [in_a, in_b] : pair.matches) {
+    const auto ray_a = a.Ray(in_a), ray_b = b.Ray(in_b);
+    if (!ray_a || !ray_b) continue;
+    ++tested;
+    agreeing += Agrees(*ray_a, *ray_b, t, tolerance);
+  }
+  return agreeing < kMinAgreeingMatches * tested;
+}
+
+}  // namespace
+
+PairAgreement CompareWithPairs(const io::Scene& scene,
+                               const std::vector<std::string>& names,
+                               const std::vector<Features>& features,
+                               const std::vector<VerifiedPair>& pairs) {
+  std::map<std::string, View> views;
+  for (const io::Frame& frame : scene.frames) {
+    views[frame.image_path.string()] = {&scene.cameras[static_cast<std::size_t>(frame.camera_index)],
+                                        &frame.world_from_cam};
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto view = views.find(names[i]);
+    if (view != views.end()) view->second.features = &features[i];
+  }
+  PairAgreement agreement;
+  double inliers = 0, contradicting_inliers = 0;
+  for (const VerifiedPair& pair : pairs) {
+    const auto a = views.find(pair.name_a), b = views.find(pair.name_b);
+    if (a == views.end() || b == views.end()) continue;
+    const bool contradicts = Contradicts(a->second, b->second, pair);
+    ++agreement.pairs;
+    agreement.contradicting += contradicts;
+    inliers += pair.inliers;
+    contradicting_inliers += contradicts ? pair.inliers : 0;
+  }
+  if (inliers > 0) agreement.contradicting_share = contradicting_inliers / inliers;
+  return agreement;
+}
+
+}  // namespace sfm
