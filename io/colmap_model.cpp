@@ -103,7 +103,7 @@ class ModelBuilder {
     AddImages();
     AddPoints();
     CheckFeatureReferences();
-    model_.mean_track_length = Ratio(static_cast<double>(n_observations_), records_.points.size());
+    model_.mean_track_length = Ratio(static_cast<double>(model_.observations.size()), records_.points.size());
     model_.mean_reprojection_error_px = Ratio(error_sum_px_, n_projected_);
     return std::move(model_);
   }
@@ -191,7 +191,8 @@ class ModelBuilder {
       ++n_projected_;
     }
     point->frame_indices.push_back(image->second.frame_index);
-    ++n_observations_;
+    model_.observations.push_back(
+        {image->second.frame_index, static_cast<int>(model_.scene.points.size()), {feature.x, feature.y}});
   }
 
   // Every track element points to a feature that points back; equal counts make it one to one.
@@ -203,11 +204,11 @@ class ModelBuilder {
             return feature.point_id != kNoPoint;
           }));
     }
-    if (n_references != n_observations_) {
+    if (n_references != model_.observations.size()) {
       Fail(records_.images_path,
            "refers to points " + std::to_string(n_references) + " times, but " +
-               records_.points_path.filename().string() + " holds " + std::to_string(n_observations_) +
-               " track elements");
+               records_.points_path.filename().string() + " holds " +
+               std::to_string(model_.observations.size()) + " track elements");
     }
   }
 
@@ -219,7 +220,7 @@ class ModelBuilder {
   ColmapModel model_;
   std::unordered_map<std::uint32_t, int> camera_index_;
   std::unordered_map<std::uint32_t, Image> image_index_;
-  std::size_t n_observations_ = 0, n_projected_ = 0;
+  std::size_t n_projected_ = 0;
   double error_sum_px_ = 0;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -131,6 +132,19 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
   data->reprojection_error_px = NumberAt(sfm, "mean_reprojection_error_px");
   for (const Json& picture : ObjectsAt(sfm, "unregistered")) {
     data->unregistered.push_back({TextAt(picture, "name"), TextAt(picture, "cause")});
+  }
+  std::vector<Json> poses = ObjectsAt(sfm, "poses");
+  std::stable_sort(poses.begin(), poses.end(), [](const Json& a, const Json& b) {
+    return NumberAt(a, "rotation_sigma_deg") > NumberAt(b, "rotation_sigma_deg");
+  });
+  for (const Json& pose : poses) {
+    char text[100];
+    std::snprintf(text,
+                  sizeof text,
+                  "rotation +- %.4f degrees, centre +- %.3f %% of the cameras' extent",
+                  NumberAt(pose, "rotation_sigma_deg"),
+                  100 * NumberAt(pose, "centre_sigma_share"));
+    data->pose_uncertainties.push_back({TextAt(pose, "name"), text});
   }
 }
 

@@ -45,7 +45,8 @@ struct ReportData {
   std::vector<NamedText> kept_pictures, dropped_pictures;  // with notes, with reasons
   int images = 0, registered = 0, points = 0;
   double reprojection_error_px = 0;
-  std::vector<NamedText> unregistered;  // with causes
+  std::vector<NamedText> unregistered;        // with causes
+  std::vector<NamedText> pose_uncertainties;  // worst first
 
   double train_s = 0, train_steps = 0, train_parameters = 0;
   std::string field;

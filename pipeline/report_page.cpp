@@ -222,6 +222,7 @@ std::string PicturesSection(const ReportData& data) {
   }
   html += PictureTable("Dropped, and why", data.dropped_pictures);
   html += PictureTable("Not registered, and why", data.unregistered);
+  html += PictureTable("How well each pose is known (one standard deviation)", data.pose_uncertainties);
   std::vector<NamedText> noted = data.kept_pictures;
   std::erase_if(noted, [](const NamedText& picture) { return picture.text.empty(); });
   return html + PictureTable("Kept, with a note", noted);

@@ -92,6 +92,7 @@ void WriteOutputs(const sfm::Reconstruction& result,
   const io::Scene undistorted = sfm::UndistortScene(scene, folder / "images", threads);
   io::WritePly(folder / "points.ply", undistorted.points);
   io::WriteTransforms(folder / "transforms.json", undistorted, "points.ply");
+  io::WriteColmapModel(folder / "sparse" / "0", result.model);
   fs::rename(result.database, folder / "database.db");
   fs::rename(result.log, folder / "colmap.log");
 }
@@ -119,6 +120,22 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                        {"p2", c.p2}});
   }
   stage->SetJson("cameras", cameras.dump());  // as estimated, before undistortion
+  Json poses = Json::array();
+  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
+    const sfm::PoseUncertainty& pose = result.uncertainty.poses[i];
+    poses.push_back({{"name", model.scene.frames[i].image_path.string()},
+                     {"rotation_sigma_deg", pose.rotation_deg},
+                     {"centre_sigma_share", pose.centre}});
+  }
+  stage->SetJson("poses", poses.dump());
+  const sfm::ReconstructionTimes& times = result.times;
+  stage->SetJson("wall_s_of",
+                 Json{{"features", times.features_s},
+                      {"matching", times.matching_s},
+                      {"verifying", times.verifying_s},
+                      {"mapping", times.mapping_s},
+                      {"adjusting", times.adjusting_s}}
+                     .dump());
   Json unregistered = Json::array();
   for (const sfm::Unregistered& picture : result.unregistered) {
     unregistered.push_back({{"name", picture.name}, {"cause", picture.cause}});

@@ -8,9 +8,11 @@
 
 #include "io/error.h"
 #include "io/progress.h"
+#include "sfm/camera_choice.h"
 #include "sfm/colmap.h"
 #include "sfm/diagnosis.h"
 #include "sfm/mapping_attempt.h"
+#include "sfm/observation_sigma.h"
 #include "sfm/pair_agreement.h"
 #include "sfm/stationary_matches.h"
 
@@ -219,6 +221,7 @@ class Session {
   Reconstruction Finish() {
     if (!Registered(kMinRegisteredShare)) Refuse(FailureCause(best_->evidence, best_->Registered()));
     result_.model = best_->models.front();
+    Adjust();
     if (const auto cause = RefusalCause(result_.model, best_->evidence)) Refuse(*cause);
     std::string sizes;
     for (const io::ColmapModel& model : best_->models) {
@@ -244,6 +247,24 @@ class Session {
 
  private:
   int n() const { return static_cast<int>(pictures_.size()); }
+
+  void Adjust() {
+    const Clock::time_point start = Clock::now();
+    CameraChoiceOptions options{.camera_model = options_.camera_model};
+    std::set<std::string> known;
+    for (const Picture& picture : pictures_) {
+      if (picture.focal_px > 0) known.insert(picture.name);
+    }
+    options.focal_is_known.resize(result_.model.scene.cameras.size());
+    for (const io::Frame& frame : result_.model.scene.frames) {
+      if (known.count(frame.image_path.string()) > 0) {
+        options.focal_is_known[static_cast<std::size_t>(frame.camera_index)] = true;
+      }
+    }
+    SetSigmas(views_.names, views_.features, &result_.model);
+    result_.uncertainty = AdjustWithNeededCamera(&result_.model, options, decide_).uncertainty;
+    result_.times.adjusting_s += SecondsSince(start);
+  }
 
   PairAgreement Agreement() const {
     return CompareWithPairs(

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "io/colmap_model.h"
+#include "sfm/bundle_uncertainty.h"
 #include "sfm/features.h"
 #include "sfm/matching.h"
 
@@ -24,7 +25,7 @@ struct Picture {
 
 struct ReconstructionOptions {
   std::string detector = "opencv";     // or colmap
-  int features = 2048;                 // per picture
+  int features = 4096;                 // per picture
   int max_image_size = 1600;           // longer side for detection [px]; 0: full size
   std::string matching = "auto";       // auto, exhaustive, likely or sequential
   std::string camera_model = "auto";   // as simple as the data allow, or COLMAP's name of a model
@@ -44,6 +45,7 @@ struct ReconstructionTimes {
 
 struct Reconstruction {
   io::ColmapModel model;                // image paths are the pictures' names
+  BundleUncertainty uncertainty;        // of cameras and poses, see sfm/bundle_uncertainty.h
   std::filesystem::path database, log;  // of the attempt that was used, below the work folder
   std::vector<Unregistered> unregistered;
   double triangulation_angle_deg = 0;  // median over the points

@@ -1,0 +1,48 @@
+// The camera model that a capture needs, no richer: chosen by what helps observations that were not used.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "sfm/bundle_adjustment.h"
+#include "sfm/bundle_uncertainty.h"
+#include "sfm/observation_filter.h"
+
+namespace sfm {
+
+struct CameraChoiceOptions {
+  std::string camera_model = "auto";  // or COLMAP's name of the model to use
+  // Per camera: the focal length comes from the picture's metadata or the user. Empty: all are guesses.
+  std::vector<bool> focal_is_known;
+  std::uint64_t seed = 0;  // of the observations that are held out
+};
+
+struct CameraChoice {
+  std::string camera_model;          // the richest that one of the cameras needs
+  std::vector<FreeIntrinsics> free;  // per camera, in the final adjustment
+  AdjustmentReport adjustment;
+  BundleUncertainty uncertainty;  // with poses
+  FilterReport filter;
+};
+
+// Adjusts `model` with the simplest camera model that suffices and removes what does not agree with it.
+//
+// Forward selection along SIMPLE_PINHOLE -> SIMPLE_RADIAL (k1) -> RADIAL (k2) -> OPENCV (fl_y, p1, p2), with
+// the principal point to be freed at any time. A step helps when the error of held-out observations
+// (sfm/observation_split.h) falls by more than 1 % and every new parameter exceeds 3 of its standard
+// deviations; the principal point, when the error falls by more than 0.5 %, both coordinates are determined
+// to 5 px and one moves by more than 3 standard deviations. Of two steps that help, the one with the smaller
+// error is taken first: a wrong principal point can pose as distortion, and the reverse. A focal length that
+// is determined no better than 2 % keeps the value it came with. Each camera is decided for its own
+// parameters; one with fewer than 200 observations keeps the simplest model.
+//
+// The input's cameras are start values; parameters that are not needed become 0, pixels square, the principal
+// point stays. decide: receives one line for every choice. Throws kUsage for an unknown camera model, and
+// what AdjustBundle throws.
+CameraChoice AdjustWithNeededCamera(io::ColmapModel* model,
+                                    const CameraChoiceOptions& options,
+                                    const std::function<void(const std::string&)>& decide);
+
+}  // namespace sfm

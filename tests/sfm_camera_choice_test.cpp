@@ -1,0 +1,185 @@
+// The camera model by need, on synthetic captures whose camera is known.
+#include "sfm/camera_choice.h"
+
+#include <gtest/gtest.h>
+
+#include "io/error.h"
+#include "tests/sfm_synthetic_model.h"
+#include "tests/temp_dir.h"
+
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kNoisePx = 0.5;
+
+struct Result {
+  io::ColmapModel model;
+  sfm::CameraChoice choice;
+  std::string lines;
+
+  const io::Camera& camera() const { return model.scene.cameras[0]; }
+  double Sigma(sfm::Intrinsic i) const { return choice.uncertainty.intrinsics[0][i]; }
+};
+
+Result Choose(io::ColmapModel model, const sfm::CameraChoiceOptions& options = {}) {
+  Result result;
+  result.choice = sfm::AdjustWithNeededCamera(
+      &model, options, [&](const std::string& line) { result.lines += line + "\n"; });
+  result.model = std::move(model);
+  return result;
+}
+
+// A ring seen through `truth`; the adjustment starts with `start`.
+io::ColmapModel Capture(const io::Camera& truth,
+                        const io::Camera& start,
+                        std::uint64_t seed,
+                        int points = 150) {
+  io::ColmapModel model = RingModel(14, points, truth, kNoisePx, seed);
+  model.scene.cameras = {start};
+  return model;
+}
+
+// What COLMAP leaves behind when it fits too rich a camera to noise.
+TEST(CameraChoice, PinholeDataStayPinhole) {
+  io::Camera fitted = SmallCamera();
+  fitted.fl_y = 500.4, fitted.k1 = 0.002, fitted.k2 = -0.003, fitted.p1 = 2e-4, fitted.p2 = -1e-4;
+  int stayed = 0;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    const Result result = Choose(Capture(SmallCamera(), fitted, seed, 80), {.seed = seed});
+    stayed += result.choice.camera_model == "SIMPLE_PINHOLE" && !result.choice.free[0].principal_point;
+    EXPECT_NEAR(result.camera().fl_x, 500, 5 * result.Sigma(sfm::kFocal));
+  }
+  EXPECT_GE(stayed, 38);  // 95 %
+}
+
+TEST(CameraChoice, EachModelIsFoundWhereItIsNeeded) {
+  io::Camera radial1 = SmallCamera(), radial2, opencv;
+  radial1.k1 = -0.05;
+  radial2 = radial1;
+  radial2.k1 = -0.15, radial2.k2 = 0.25;
+  opencv = radial2;
+  opencv.fl_y = 515, opencv.p1 = 0.008, opencv.p2 = -0.009;
+  const std::pair<std::string, io::Camera> cases[] = {
+      {"SIMPLE_RADIAL", radial1}, {"RADIAL", radial2}, {"OPENCV", opencv}};
+  for (const auto& [name, truth] : cases) {
+    const Result result = Choose(Capture(truth, SmallCamera(), 1));
+    EXPECT_EQ(result.choice.camera_model, name) << result.lines;
+    EXPECT_EQ(result.model.camera_model, name);
+    EXPECT_FALSE(result.choice.free[0].principal_point) << result.lines;
+    const sfm::IntrinsicVector error = sfm::ToVector(result.camera()) - sfm::ToVector(truth);
+    for (const int i : sfm::FreeIndices(result.choice.free[0])) {
+      EXPECT_LT(std::abs(error[i]), 4 * result.choice.uncertainty.intrinsics[0][i]) << name << " " << i;
+    }
+    EXPECT_NE(result.lines.find(name + " ("), std::string::npos) << result.lines;
+  }
+  EXPECT_EQ(std::size(cases), 3u);
+}
+
+TEST(CameraChoice, PrincipalPointIsFoundWhenItIsOffAndKeptWhenItIsGiven) {
+  io::Camera off = SmallCamera();
+  off.cx += 64, off.cy -= 20;
+  const Result found = Choose(Capture(off, SmallCamera(), 2));
+  EXPECT_TRUE(found.choice.free[0].principal_point) << found.lines;
+  EXPECT_EQ(found.choice.camera_model, "SIMPLE_PINHOLE") << found.lines;
+  EXPECT_NEAR(found.camera().cx, off.cx, 4 * found.Sigma(sfm::kCx));
+  EXPECT_NEAR(found.camera().cy, off.cy, 4 * found.Sigma(sfm::kCy));
+
+  off.cx = 0.7 * off.width;  // 20 % of the width
+  const Result kept = Choose(Capture(off, off, 3));
+  EXPECT_FALSE(kept.choice.free[0].principal_point) << kept.lines;
+  EXPECT_EQ(kept.camera().cx, off.cx);
+  EXPECT_EQ(kept.camera().cy, off.cy);
+}
+
+// Parallel cameras on a line (depths and focal length scale together: affine ambiguity) or above flat ground.
+io::ColmapModel ParallelCameras(int columns, int rows, double depth, double relief, const io::Camera& truth) {
+  io::ColmapModel model;
+  model.scene.cameras = {truth};
+  for (int i = 0; i < columns * rows; ++i) {
+    const Vector3d centre(0.5 * (i % columns), 0.7 * (i / columns), depth);
+    model.scene.frames.push_back(
+        {"nadir " + std::to_string(i) + ".png", 0, LookAt(centre, centre - Vector3d::UnitZ())});
+  }
+  std::mt19937_64 random(4);
+  const double width = 0.5 * (columns - 1), height = 0.7 * (rows - 1);
+  for (int i = 0; i < 400; ++i) {
+    const double u = 2 * Uniform(&random) - 0.5, v = 2 * Uniform(&random) - 0.5;
+    const Vector3d xyz(u * (width + 1), v * (height + 1), relief * (Uniform(&random) - 0.5));
+    AddPoint(&model, xyz, kNoisePx, &random);
+  }
+  return model;
+}
+
+TEST(CameraChoice, FocalLengthThatThePicturesDoNotTellIsKept) {
+  io::ColmapModel line = ParallelCameras(10, 1, 2, 1.5, SmallCamera());
+  line.scene.cameras[0].fl_x = line.scene.cameras[0].fl_y = 520;
+  const Result result = Choose(line, {.focal_is_known = {true}});
+  EXPECT_FALSE(result.choice.free[0].focal) << result.lines;
+  EXPECT_EQ(result.camera().fl_x, 520);
+  EXPECT_EQ(result.camera().fl_y, 520);
+  EXPECT_NE(result.lines.find("stays 520 px (known)"), std::string::npos) << result.lines;
+  EXPECT_NE(Choose(line).lines.find("stays 520 px (a guess)"), std::string::npos);
+}
+
+TEST(CameraChoice, NadirGridHoldsOrFindsItsDistortion) {
+  io::Camera truth = SmallCamera();
+  truth.k1 = -0.05;
+  io::ColmapModel grid = ParallelCameras(5, 4, 2, 0.05, truth);
+  grid.scene.cameras = {SmallCamera()};
+  const Result result = Choose(grid);
+  EXPECT_FALSE(result.choice.free[0].focal) << result.lines;
+  EXPECT_FALSE(result.choice.free[0].principal_point) << result.lines;
+  if (result.choice.free[0].k1) {
+    EXPECT_NEAR(result.camera().k1, -0.05, 4 * result.Sigma(sfm::kK1)) << result.lines;
+  } else {
+    EXPECT_NE(result.lines.find("(k1) is not needed"), std::string::npos) << result.lines;
+  }
+}
+
+TEST(CameraChoice, EachCameraIsDecidedForItself) {
+  io::Camera distorted = SmallCamera();
+  distorted.k1 = -0.1;
+  io::ColmapModel model = Ring(15, SmallCamera());
+  model.scene.cameras = {SmallCamera(), distorted, distorted};
+  for (std::size_t i = 0; i < 15; ++i) model.scene.frames[i].camera_index = i == 14 ? 2 : i % 2 == 0;
+  std::mt19937_64 random(6);
+  for (int i = 0; i < 190; ++i) AddPoint(&model, RandomVector(&random, 1.2), kNoisePx, &random);
+  model.scene.cameras[1].k1 = 0;
+  model.scene.cameras[2].k1 = 0;  // sees fewer than 200 points
+  const Result result = Choose(model);
+  EXPECT_EQ(result.choice.camera_model, "SIMPLE_RADIAL") << result.lines;
+  EXPECT_FALSE(result.choice.free[0].k1) << result.lines;
+  EXPECT_TRUE(result.choice.free[1].k1) << result.lines;
+  EXPECT_FALSE(result.choice.free[2].k1) << result.lines;
+  EXPECT_NEAR(result.model.scene.cameras[1].k1, -0.1, 4 * result.choice.uncertainty.intrinsics[1][sfm::kK1]);
+  EXPECT_EQ(result.model.scene.cameras[0].k1, 0);
+}
+
+TEST(CameraChoice, AGivenModelIsUsedAndAnUnknownOneRefused) {
+  io::Camera start = SmallCamera();
+  start.k1 = 0.01, start.p1 = 1e-3;
+  const Result radial = Choose(Capture(SmallCamera(), start, 5), {.camera_model = "RADIAL"});
+  EXPECT_EQ(radial.choice.camera_model, "RADIAL");
+  EXPECT_TRUE(radial.choice.free[0].k2);
+  EXPECT_EQ(radial.camera().p1, 0);
+  const Result pinhole = Choose(Capture(SmallCamera(), start, 5), {.camera_model = "PINHOLE"});
+  EXPECT_NE(pinhole.camera().fl_x, pinhole.camera().fl_y);
+  EXPECT_EQ(pinhole.camera().k1, 0);
+  io::ColmapModel model = Capture(SmallCamera(), start, 5);
+  EXPECT_ERROR(sfm::AdjustWithNeededCamera(&model, {.camera_model = "FISHEYE"}, [](const std::string&) {}),
+               io::ExitCode::kUsage,
+               "'FISHEYE' is not supported");
+}
+
+TEST(CameraChoice, WithoutObservationsToHoldOutTheModelStays) {
+  io::Camera truth = SmallCamera();
+  truth.k1 = -0.05;
+  io::ColmapModel model = RingModel(3, 200, truth, kNoisePx, 7);
+  model.camera_model = "SIMPLE_RADIAL";
+  const Result result = Choose(model);
+  EXPECT_EQ(result.choice.camera_model, "SIMPLE_RADIAL");
+  EXPECT_NE(result.lines.find("camera model stays SIMPLE_RADIAL"), std::string::npos) << result.lines;
+}
+
+}  // namespace

@@ -1,0 +1,145 @@
+// Synthetic models for the tests of bundle adjustment: cameras on a ring or a line around a cloud of points,
+// with observations of known noise.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "io/colmap_model.h"
+
+// Uniform in [0, 1) and standard normal (Box and Muller), equal in every standard library.
+inline double Uniform(std::mt19937_64* random) { return static_cast<double>((*random)() >> 11) * 0x1p-53; }
+inline double Normal(std::mt19937_64* random) {
+  const double radius = std::sqrt(-2 * std::log1p(-Uniform(random)));
+  return radius * std::cos(2 * std::numbers::pi * Uniform(random));
+}
+
+inline Eigen::Vector3d RandomVector(std::mt19937_64* random, double size) {
+  const double x = Uniform(random), y = Uniform(random), z = Uniform(random);
+  return size * Eigen::Vector3d(2 * x - 1, 2 * y - 1, 2 * z - 1);
+}
+
+// A camera at `centre` that looks at `target`, turned about its axis by `roll` radians.
+inline io::Rigid3d LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& target, double roll = 0) {
+  const Eigen::Vector3d back = (centre - target).normalized();
+  const Eigen::Vector3d up =
+      std::abs(back.z()) < 0.9 ? Eigen::Vector3d::UnitZ().eval() : Eigen::Vector3d::UnitY().eval();
+  io::Rigid3d pose;
+  pose.rotation.col(0) = up.cross(back).normalized();
+  pose.rotation.col(1) = back.cross(pose.rotation.col(0));
+  pose.rotation.col(2) = back;
+  pose.rotation = pose.rotation * Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ());
+  pose.translation = centre;
+  return pose;
+}
+
+inline io::Camera SmallCamera() {
+  return {.width = 640, .height = 480, .fl_x = 500, .fl_y = 500, .cx = 320, .cy = 240};
+}
+
+// Cameras without points yet: a ring of radius 3 that looks roughly at the origin.
+inline io::ColmapModel Ring(int n_frames, const io::Camera& camera) {
+  io::ColmapModel model;
+  model.scene.cameras = {camera};
+  std::mt19937_64 random(17);
+  for (int i = 0; i < n_frames; ++i) {
+    const double angle = 2 * std::numbers::pi * i / n_frames;
+    const Eigen::Vector3d centre(3 * std::cos(angle), 3 * std::sin(angle), 0.8 * std::sin(3 * angle));
+    model.scene.frames.push_back({"view " + std::to_string(i) + ".png",
+                                  0,
+                                  LookAt(centre, RandomVector(&random, 0.2), 0.6 * Uniform(&random))});
+  }
+  return model;
+}
+
+// Gives a model its observations: every frame that shows a point inside its picture, with Gaussian noise of
+// `noise_px` per coordinate. Points seen by fewer than 3 frames are left out.
+inline void AddPoint(io::ColmapModel* model,
+                     const Eigen::Vector3d& xyz,
+                     double noise_px,
+                     std::mt19937_64* random) {
+  io::Point3D point{.xyz = xyz};
+  std::vector<io::Observation> seen;
+  for (std::size_t i = 0; i < model->scene.frames.size(); ++i) {
+    const io::Frame& frame = model->scene.frames[i];
+    const io::Camera& camera = model->scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    const auto xy = io::ImgFromCam(camera, frame.world_from_cam.Inverse() * xyz);
+    if (!xy || xy->x() < 0 || xy->y() < 0 || xy->x() > camera.width || xy->y() > camera.height) continue;
+    const double dx = noise_px * Normal(random), dy = noise_px * Normal(random);
+    point.frame_indices.push_back(static_cast<int>(i));
+    seen.push_back(
+        {static_cast<int>(i), static_cast<int>(model->scene.points.size()), *xy + Eigen::Vector2d(dx, dy)});
+  }
+  if (seen.size() < 3) return;
+  model->scene.points.push_back(point);
+  model->observations.insert(model->observations.end(), seen.begin(), seen.end());
+}
+
+// A ring around a cube of points with half side 1.2.
+inline io::ColmapModel RingModel(
+    int n_frames, int n_points, const io::Camera& camera, double noise_px, std::uint64_t seed) {
+  io::ColmapModel model = Ring(n_frames, camera);
+  std::mt19937_64 random(seed);
+  for (int i = 0; i < n_points; ++i) AddPoint(&model, RandomVector(&random, 1.2), noise_px, &random);
+  return model;
+}
+
+// Moves every centre and point by up to `shift` along each axis and turns every camera by up to `turn` rad.
+inline void Perturb(io::ColmapModel* model, double shift, double turn, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  for (io::Frame& frame : model->scene.frames) {
+    const Eigen::Vector3d axis = RandomVector(&random, 1).normalized();
+    frame.world_from_cam.rotation =
+        frame.world_from_cam.rotation * Eigen::AngleAxisd(turn * Uniform(&random), axis);
+    frame.world_from_cam.translation += RandomVector(&random, shift);
+  }
+  for (io::Point3D& point : model->scene.points) point.xyz += RandomVector(&random, shift);
+}
+
+// Moves the whole world.
+inline void Move(io::ColmapModel* model, const io::Sim3d& b_from_a) {
+  for (io::Frame& frame : model->scene.frames) {
+    frame.world_from_cam = io::TransformPose(b_from_a, frame.world_from_cam);
+  }
+  for (io::Point3D& point : model->scene.points) point.xyz = b_from_a * point.xyz;
+}
+
+struct PoseDifference {
+  double rotation_deg = 0;  // largest
+  double centre = 0;        // largest, as a share of the extent of the centres
+};
+
+// What remains between two models of the same pictures after the best similarity (Umeyama, PAMI 1991).
+inline PoseDifference Compare(const io::Scene& a, const io::Scene& b) {
+  const auto n = static_cast<Eigen::Index>(a.frames.size());
+  Eigen::Matrix3Xd from(3, n), to(3, n);
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const io::Rigid3d &pose_a = a.frames[static_cast<std::size_t>(i)].world_from_cam,
+                      &pose_b = b.frames[static_cast<std::size_t>(i)].world_from_cam;
+    from.col(i) = pose_a.translation, to.col(i) = pose_b.translation;
+    sum += pose_b.rotation * pose_a.rotation.transpose();
+  }
+  // Centred first: the offset of the world must not cost digits.
+  const Eigen::Vector3d mean = to.rowwise().mean();
+  to.colwise() -= mean;
+  from.colwise() -= from.rowwise().mean().eval();
+  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to);
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d b_from_a = svd.matrixU() * svd.matrixV().transpose();
+  const double extent = to.colwise().norm().maxCoeff();
+  PoseDifference worst;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Vector3d moved =
+        similarity.topLeftCorner<3, 3>() * from.col(i) + similarity.topRightCorner<3, 1>();
+    worst.centre = std::max(worst.centre, (moved - to.col(i)).norm() / extent);
+    const Eigen::Matrix3d r = a.frames[static_cast<std::size_t>(i)].world_from_cam.rotation.transpose() *
+                              b_from_a.transpose() *
+                              b.frames[static_cast<std::size_t>(i)].world_from_cam.rotation;
+    const Eigen::Vector3d axis(r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1));
+    const double angle = std::atan2(axis.norm(), r.trace() - 1);
+    worst.rotation_deg = std::max(worst.rotation_deg, angle * 180 / std::numbers::pi);
+  }
+  return worst;
+}
