@@ -1,5 +1,6 @@
 #include "sfm/diagnosis.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -23,6 +24,9 @@ constexpr double kMinMedianAngleDeg = 2.0;
 constexpr double kMaxHomographyShare = 0.95;
 // Well above the noise of angles in a folded model, and reached by every capture that surrounds its subject.
 constexpr double kWideAngleDeg = 5.0;
+// Half a pixel of noise spreads a line of points by less than 1/100 of its length in a picture that it
+// crosses.
+constexpr double kMinLineRatio = 0.02;
 // COLMAP drops observations beyond 4 px; a good model stays below 1.
 constexpr double kMaxMeanErrorPx = 3.0;
 
@@ -132,6 +136,26 @@ double HomographyShare(const std::vector<VerifiedPair>& pairs) {
   return supported == 0 ? 0.0 : static_cast<double>(explained) / supported;
 }
 
+double LineRatio(const io::Scene& scene) {
+  if (scene.points.empty()) return 1;
+  Eigen::Vector3d median;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const io::Point3D& point : scene.points) values.push_back(point.xyz[axis]);
+    median[axis] = Median(std::move(values));
+  }
+  std::vector<Eigen::Vector3d> offsets;
+  for (const io::Point3D& point : scene.points) offsets.push_back(point.xyz - median);
+  std::sort(offsets.begin(), offsets.end(), [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    return a.squaredNorm() < b.squaredNorm();
+  });
+  offsets.resize((offsets.size() + 1) / 2);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& offset : offsets) scatter += offset * offset.transpose();
+  const Eigen::Vector3d eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  return eigenvalues[2] > 0 ? std::sqrt(std::max(0.0, eigenvalues[1]) / eigenvalues[2]) : 0;
+}
+
 std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence) {
   const int registered = static_cast<int>(model.scene.frames.size());
   if (registered < kMinPictures || model.scene.points.empty()) return FailureCause(evidence, registered);
@@ -145,6 +169,14 @@ std::optional<std::string> RefusalCause(const io::ColmapModel& model, const Capt
         "further between pictures",
         angle,
         kMinMedianAngleDeg);
+  }
+  const double line = LineRatio(model.scene);
+  if (line < kMinLineRatio) {
+    return Format(
+        "no consistent model: all points lie on one line (spread across it %.3f of that along it), about "
+        "which "
+        "the cameras could turn freely; show more of the scene",
+        line);
   }
   if (!(model.mean_reprojection_error_px < kMaxMeanErrorPx)) {
     return Format(

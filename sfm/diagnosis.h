@@ -41,6 +41,11 @@ double HomographyShare(const std::vector<VerifiedPair>& pairs);
 // such pairs.
 double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs);
 
+// How wide the points spread across the line that fits them best, over how far they spread along it: root
+// mean squares over the half of the points nearest to their median. 0 for points on one line, about 1 for a
+// ball. The rotation about such a line cannot be seen. 1 without points.
+double LineRatio(const io::Scene& scene);
+
 // A cause when the model must not be used: too few pictures, rays that hardly diverge, large errors.
 std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence);
 

@@ -29,7 +29,10 @@ io::ColmapModel Arc(int n, double span_deg) {
     model.scene.frames.push_back(frame);
     point.frame_indices.push_back(i);
   }
-  model.scene.points.assign(10, point);
+  for (int i = 0; i < 12; ++i) {
+    point.xyz = 1e-9 * Eigen::Vector3d(i % 2, i / 2 % 2, i / 4);  // a point, seen from 4
+    model.scene.points.push_back(point);
+  }
   return model;
 }
 
@@ -56,6 +59,19 @@ TEST(Diagnosis, TriangulationAngleOfAnArcIsItsSpan) {
 TEST(Diagnosis, AGoodModelIsAccepted) {
   EXPECT_FALSE(
       sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kGeneral)).has_value());
+}
+
+TEST(Diagnosis, PointsOnALineAreNoModel) {
+  io::ColmapModel model = Arc(12, 40);
+  EXPECT_GT(sfm::LineRatio(model.scene), 0.3);
+  for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
+    model.scene.points[i].xyz =
+        Eigen::Vector3d(0.1, 0.2, 0.3) * static_cast<double>(i) + 1e-3 * Eigen::Vector3d(i % 2, i % 3, 0);
+  }
+  EXPECT_LT(sfm::LineRatio(model.scene), 0.01);
+  const auto cause = sfm::RefusalCause(model, Evidence(12, 2000, 2, 200, PairGeometry::kGeneral));
+  ASSERT_TRUE(cause);
+  ExpectCause(*cause, "no consistent model");
 }
 
 TEST(Diagnosis, ModelsThatMustBeRefused) {
