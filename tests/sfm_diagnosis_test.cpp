@@ -30,7 +30,7 @@ io::ColmapModel Arc(int n, double span_deg) {
     point.frame_indices.push_back(i);
   }
   for (int i = 0; i < 12; ++i) {
-    point.xyz = 1e-9 * Eigen::Vector3d(i % 2, i / 2 % 2, i / 4);  // a point, seen from 4
+    point.xyz = 1e-12 * Eigen::Vector3d(i % 2, i / 2 % 2, i / 4);  // a point, seen from 4
     model.scene.points.push_back(point);
   }
   return model;
