@@ -14,5 +14,6 @@ int RunReport(int argc, const char* const* argv);
 
 int RunAll(int argc, const char* const* argv);     // `pipeline run`
 int RunDoctor(int argc, const char* const* argv);  // `pipeline doctor`
+int RunBench(int argc, const char* const* argv);   // `pipeline bench`
 
 }  // namespace pipeline

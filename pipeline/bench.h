@@ -1,0 +1,38 @@
+// The benchmarks behind `pipeline bench WHAT`.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace pipeline {
+
+int RunBenchSfm(int argc, const char* const* argv);  // `pipeline bench sfm`
+
+struct MatrixOptions {
+  std::filesystem::path out;       // receives matrix.csv
+  std::vector<std::string> cases;  // "S05" stands for all its variants; empty: all cases
+  int seeds = 1;                   // 1 .. seeds
+  int threads = 1;
+};
+
+// Reconstructs every hard case of structure-from-motion (sfm/hard_cases.h) with every seed; prints one line
+// per case and writes one per run. A case passes when all seeds do (without noise) or 95 % of them (with),
+// and none delivers a folded model. Throws kUsage for an unknown case.
+void RunMatrix(const MatrixOptions& options);
+
+struct SweepOptions {
+  std::filesystem::path out, images, truth;  // truth may be empty
+  std::vector<int> features, sizes;          // sizes: longest side in pixels, 0: full size
+  std::vector<std::string> matching;
+  bool colmap = false;  // also COLMAP's own presets
+  int threads = 1;
+};
+
+// Reconstructs the pictures of a folder once with every combination of the knobs; writes results.csv and
+// work_precision.svg and prints the table. A run that fails stays in the table with its cause. Throws
+// kBadInput when the folder holds no pictures or the truth cannot be read.
+void RunSweep(const SweepOptions& options);
+
+}  // namespace pipeline

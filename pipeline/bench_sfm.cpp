@@ -1,0 +1,56 @@
+// `pipeline bench sfm`: how right poses are, and what they cost.
+#include "io/error.h"
+#include "pipeline/bench.h"
+#include "pipeline/bench_table.h"
+#include "pipeline/options.h"
+#include "pipeline/stage.h"
+
+namespace pipeline {
+
+int RunBenchSfm(int argc, const char* const* argv) {
+  return GuardedMain("pipeline bench sfm", [&] {
+    CommonOptions common;
+    MatrixOptions matrix;
+    SweepOptions sweep;
+    bool wants_matrix = false;
+    std::string cases, features = "1024,2048,4096,8192", sizes = "800,1600,0", matching = "likely,exhaustive";
+    Options options("pipeline bench sfm",
+                    "Measures structure-from-motion: generated hard cases with truth, and the knobs of "
+                    "`pipeline sfm` on a folder of pictures.");
+    options.Add("out", &common.out, "folder for matrix.csv, results.csv and work_precision.svg");
+    options.Add("threads", &common.threads, "0 = all cores");
+    options.Add("matrix", &wants_matrix, "run the hard cases");
+    options.Add("seeds", &matrix.seeds, "seeds per hard case");
+    options.Add("cases", &cases, "hard cases to run, such as S01,S05.2; empty = all");
+    options.Add("images", &sweep.images, "folder of pictures for the sweep of the knobs");
+    options.Add("truth",
+                &sweep.truth,
+                "true poses of these pictures: a transforms.json or a folder of *.camera files (Strecha)");
+    options.Add("features", &features, "features per picture");
+    options.Add("sizes", &sizes, "longest side for detection [px]; 0 = full size");
+    options.Add("matching", &matching, "ways of choosing pairs");
+    options.Add("colmap", &sweep.colmap, "also run COLMAP's own presets");
+    if (!options.Parse(argc, argv)) return;
+
+    if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline bench sfm: --out DIR is missing");
+    if (!wants_matrix && sweep.images.empty()) {
+      throw io::Error(io::ExitCode::kUsage,
+                      "pipeline bench sfm: nothing to measure",
+                      "Give --matrix, or --images FOLDER, or both");
+    }
+    if (matrix.seeds < 1) {
+      throw io::Error(io::ExitCode::kUsage,
+                      "--seeds: " + std::to_string(matrix.seeds) + " is not a number >= 1");
+    }
+    matrix.cases = SplitList(cases);
+    sweep.features = SplitIntegers("features", features, 1);
+    sweep.sizes = SplitIntegers("sizes", sizes, 0);
+    sweep.matching = SplitList(matching);
+    matrix.out = sweep.out = common.out;
+    matrix.threads = sweep.threads = ResolvedThreads(common);
+    if (wants_matrix) RunMatrix(matrix);
+    if (!sweep.images.empty()) RunSweep(sweep);
+  });
+}
+
+}  // namespace pipeline

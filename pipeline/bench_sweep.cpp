@@ -1,0 +1,258 @@
+// `pipeline bench sfm --images`: what each knob of structure-from-motion costs and brings.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <map>
+#include <optional>
+
+#include "io/atomic_file.h"
+#include "io/error.h"
+#include "io/image_size.h"
+#include "io/interrupt.h"
+#include "io/photo_tags.h"
+#include "io/resource_meter.h"
+#include "pipeline/bench.h"
+#include "pipeline/bench_colmap.h"
+#include "pipeline/bench_table.h"
+#include "pipeline/picture_source.h"
+#include "pipeline/plot_svg.h"
+#include "pipeline/true_poses.h"
+#include "sfm/pose_error.h"
+#include "sfm/reconstruction.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// One run; what could not be measured is NaN.
+struct Run {
+  std::string method, parameters, label;  // label: in the plot
+  std::string failure;                    // empty: there is a model
+  io::ResourceUse use;
+  double registered = 0, points = kUnknown, track_length = kUnknown, reprojection_px = kUnknown;
+  sfm::PoseError error;  // where the truth is known
+};
+
+// Pictures as they are: neither COLMAP nor the benchmark turns or re-encodes them.
+std::vector<sfm::Picture> ReadPictures(const fs::path& folder) {
+  std::vector<sfm::Picture> pictures;
+  for (const fs::path& file : FindPictures(folder).files) {
+    const io::ImageSize size = io::ReadImageSize(file);
+    const io::PhotoTags tags = io::ReadPhotoTags(ReadPictureFile(file));
+    if (tags.orientation != 1) {
+      throw io::Error(io::ExitCode::kBadInput,
+                      file.string() + ": lies on its side (EXIF orientation)",
+                      "Run pipeline ingest and give its folder ingest/images");
+    }
+    const double focal = io::FocalPixels(tags, size.width, size.height).value_or(0);
+    pictures.push_back(
+        {.name = file.filename().string(),
+         .width = size.width,
+         .height = size.height,
+         .focal_px = focal,
+         .camera_group = tags.make + "/" + tags.model + "/" + std::to_string(std::lround(focal))});
+  }
+  return pictures;
+}
+
+bool ShareOneCamera(const std::vector<sfm::Picture>& pictures) {
+  for (const sfm::Picture& p : pictures) {
+    if (p.width != pictures[0].width || p.height != pictures[0].height ||
+        p.camera_group != pictures[0].camera_group)
+      return false;
+  }
+  return true;
+}
+
+// Fills in the model that `reconstruct` returns, or why there is none. Only a missing program or the user
+// ends the sweep.
+void Measure(const std::function<io::ColmapModel(io::ResourceUse*)>& reconstruct,
+             const std::optional<io::Scene>& truth,
+             Run* run) {
+  io::ThrowIfInterrupted();
+  std::fprintf(stderr, "bench: %s %s\n", run->method.c_str(), run->parameters.c_str());
+  try {
+    const io::ColmapModel model = reconstruct(&run->use);
+    run->registered = static_cast<double>(model.scene.frames.size());
+    run->points = static_cast<double>(model.scene.points.size());
+    run->track_length = model.mean_track_length;
+    run->reprojection_px = model.mean_reprojection_error_px;
+    if (truth) run->error = sfm::ComparePoses(model.scene, *truth);
+  } catch (const io::Error& error) {
+    if (error.code() == io::ExitCode::kUsage) throw;
+    run->failure = error.what();
+  }
+}
+
+std::vector<Run> RunOurs(const SweepOptions& options,
+                         const std::vector<sfm::Picture>& pictures,
+                         const std::optional<io::Scene>& truth) {
+  std::vector<Run> runs;
+  for (const std::string& matching : options.matching) {
+    for (const int size : options.sizes) {
+      for (const int features : options.features) {
+        const std::string size_text = size > 0 ? std::to_string(size) : "full";
+        Run run{.method = "ours",
+                .parameters =
+                    "features=" + std::to_string(features) + " size=" + size_text + " matching=" + matching,
+                .label = std::to_string(features) + "/" + size_text + "/" + matching.substr(0, 1)};
+        // No further attempts: they would hide what the knobs do.
+        const sfm::ReconstructionOptions settings{.features = features,
+                                                  .max_image_size = size,
+                                                  .matching = matching,
+                                                  .retry_minutes = 0,
+                                                  .threads = options.threads};
+        const fs::path work = options.out / "work";
+        Measure(
+            [&](io::ResourceUse* use) {
+              fs::remove_all(work);
+              const io::ResourceMeter meter;
+              try {
+                const sfm::Reconstruction found =
+                    sfm::Reconstruct(pictures, options.images, work, settings, [](const std::string&) {});
+                *use = meter.Use();
+                use->peak_rss_bytes = std::max(use->peak_rss_bytes, found.peak_rss_bytes);
+                return found.model;
+              } catch (...) {
+                *use = meter.Use();
+                throw;
+              }
+            },
+            truth,
+            &run);
+        fs::remove_all(work);
+        runs.push_back(std::move(run));
+      }
+    }
+  }
+  return runs;
+}
+
+void PrintRuns(const std::vector<Run>& runs, std::size_t n_pictures) {
+  std::printf("%-16s %-44s %8s %8s %7s %9s %8s %6s %8s %9s %9s %10s\n",
+              "method",
+              "parameters",
+              "wall s",
+              "CPU s",
+              "MiB",
+              "pictures",
+              "points",
+              "track",
+              "error px",
+              "rot med",
+              "rot max",
+              "centre %");
+  for (const Run& run : runs) {
+    std::printf("%-16s %-44s %8.1f %8.1f %7.0f %4.0f/%-4zu %8.0f %6.2f %8.3f %9.4f %9.4f %10.4f %s\n",
+                run.method.c_str(),
+                run.parameters.c_str(),
+                run.use.wall_s,
+                run.use.cpu_s,
+                static_cast<double>(run.use.peak_rss_bytes) / (1 << 20),
+                run.registered,
+                n_pictures,
+                run.points,
+                run.track_length,
+                run.reprojection_px,
+                run.error.rotation_median_deg,
+                run.error.rotation_max_deg,
+                100 * run.error.centre_rmse,
+                run.failure.substr(0, run.failure.find('\n')).c_str());
+  }
+}
+
+std::vector<BenchValue> ToValues(const std::vector<Run>& runs, const fs::path& images) {
+  std::vector<BenchValue> values;
+  for (const Run& run : runs) {
+    const auto add = [&](const char* metric, const char* unit, double value) {
+      values.push_back({run.method + " on " + images.string(), run.parameters, metric, unit, value});
+    };
+    add("wall", "s", run.use.wall_s);
+    add("cpu", "s", run.use.cpu_s);
+    add("peak_rss", "byte", static_cast<double>(run.use.peak_rss_bytes));
+    add("registered", "picture", run.registered);
+    add("points", "point", run.points);
+    add("track_length", "picture", run.track_length);
+    add("reprojection_error", "px", run.reprojection_px);
+    add("rotation_median", "deg", run.error.rotation_median_deg);
+    add("rotation_max", "deg", run.error.rotation_max_deg);
+    add("centre_rmse", "extent", run.error.centre_rmse);
+    add("centre_max", "extent", run.error.centre_max);
+    add("centre_rmse", "truth unit", run.error.centre_rmse * run.error.extent);
+    for (std::size_t k = 0; k < sfm::kAucDegrees.size(); ++k) {
+      values.push_back({run.method + " on " + images.string(),
+                        run.parameters,
+                        "auc_" + CsvNumber(sfm::kAucDegrees[k]) + "deg",
+                        "1",
+                        run.error.auc[k]});
+    }
+  }
+  return values;
+}
+
+void WritePlot(const fs::path& path, const std::vector<Run>& runs, bool has_truth) {
+  const auto plot = [&](const std::string& y_label, const std::function<double(const Run&)>& error) {
+    std::map<bool, PlotSeries> by_ours;
+    by_ours[true].label = "ours (features/size/matching)";
+    by_ours[false].label = "COLMAP";
+    for (const Run& run : runs) {
+      PlotSeries& series = by_ours[run.method == "ours"];
+      series.x.push_back(run.use.cpu_s);
+      series.y.push_back(error(run));
+      series.point_labels.push_back(run.label);
+    }
+    return PlotSvg(
+        {by_ours[true], by_ours[false]},
+        {.x_label = "CPU seconds", .y_label = y_label, .log_y = true, .log_x = true, .scatter = true});
+  };
+  std::vector<std::string> plots;
+  if (has_truth) {
+    plots.push_back(
+        plot("rotation error, median [deg]", [](const Run& r) { return r.error.rotation_median_deg; }));
+    plots.push_back(
+        plot("centre error, RMS [% of the extent]", [](const Run& r) { return 100 * r.error.centre_rmse; }));
+  } else {
+    plots.push_back(plot("reprojection error [px]", [](const Run& r) { return r.reprojection_px; }));
+  }
+  io::WriteFileAtomically(path, StandaloneSvg(plots));
+}
+
+}  // namespace
+
+void RunSweep(const SweepOptions& options) {
+  const std::vector<sfm::Picture> pictures = ReadPictures(options.images);
+  std::optional<io::Scene> truth;
+  if (!options.truth.empty()) truth = ReadTruePoses(options.truth);
+  fs::create_directories(options.out);
+
+  std::vector<Run> runs;
+  if (options.colmap) {
+    for (const ColmapPreset& preset : ColmapPresets()) {
+      Run run{.method = preset.name, .parameters = "", .label = preset.name};
+      if (preset.features > 0)
+        run.parameters =
+            "features=" + std::to_string(preset.features) + " size=" + std::to_string(preset.size);
+      Measure(
+          [&](io::ResourceUse* use) {
+            return RunColmapPreset(preset,
+                                   fs::absolute(options.images),
+                                   ShareOneCamera(pictures),
+                                   fs::absolute(options.out) / "work",
+                                   use);
+          },
+          truth,
+          &run);
+      runs.push_back(std::move(run));
+    }
+  }
+  for (Run& run : RunOurs(options, pictures, truth)) runs.push_back(std::move(run));
+  PrintRuns(runs, pictures.size());
+  WriteBenchTable(options.out / "results.csv", ToValues(runs, options.images));
+  WritePlot(options.out / "work_precision.svg", runs, truth.has_value());
+}
+
+}  // namespace pipeline
