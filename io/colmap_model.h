@@ -1,7 +1,7 @@
 // COLMAP sparse models (cameras, images, points3D; read in binary or text, written as text). The reader is
-// ours because COLMAP's
-// accepts truncated files, NaN poses and dangling references without a word: every count is checked against
-// the bytes that remain before anything is allocated, every reference and number is verified.
+// ours because COLMAP's accepts truncated files, NaN poses and dangling references without a word: every
+// count is checked against the bytes that remain before anything is allocated, every reference and number is
+// verified.
 #pragma once
 
 #include <cstdint>

@@ -17,6 +17,11 @@ void Append(std::string* text, double value) {
   text->append(buffer, end);
 }
 
+void AppendCount(std::string* text, std::size_t value) {
+  *text += ' ';
+  *text += std::to_string(value);
+}
+
 void AppendAll(std::string* text, std::initializer_list<double> values) {
   for (const double value : values) {
     *text += ' ';
@@ -26,7 +31,9 @@ void AppendAll(std::string* text, std::initializer_list<double> values) {
 
 // " WIDTH HEIGHT PARAMS..." behind the name of the simplest model that loses nothing.
 std::string CameraLine(const Camera& c) {
-  std::string sizes = " " + std::to_string(c.width) + " " + std::to_string(c.height);
+  std::string sizes;
+  AppendCount(&sizes, static_cast<std::size_t>(c.width));
+  AppendCount(&sizes, static_cast<std::size_t>(c.height));
   const bool one_focal = c.fl_x == c.fl_y, tangential = c.p1 != 0 || c.p2 != 0;
   if (tangential || (!one_focal && c.HasDistortion())) {
     AppendAll(&sizes, {c.fl_x, c.fl_y, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2});
@@ -64,13 +71,14 @@ void WriteColmapModel(const std::filesystem::path& folder, const ColmapModel& mo
   }
   // Feature k of a picture is its k-th observation.
   std::vector<std::string> features(model.scene.frames.size()), tracks(model.scene.points.size());
-  std::vector<int> n_features(model.scene.frames.size());
+  std::vector<std::size_t> n_features(model.scene.frames.size());
   for (const Observation& observation : model.observations) {
     const auto frame = static_cast<std::size_t>(observation.frame_index);
     const auto point = static_cast<std::size_t>(observation.point_index);
     AppendAll(&features[frame], {observation.xy.x(), observation.xy.y()});
-    features[frame] += " " + std::to_string(point + 1);
-    tracks[point] += " " + std::to_string(frame + 1) + " " + std::to_string(n_features[frame]++);
+    AppendCount(&features[frame], point + 1);
+    AppendCount(&tracks[point], frame + 1);
+    AppendCount(&tracks[point], n_features[frame]++);
   }
   for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
     const Frame& frame = model.scene.frames[i];
@@ -81,7 +89,7 @@ void WriteColmapModel(const std::filesystem::path& folder, const ColmapModel& mo
     const Point3D& point = model.scene.points[i];
     points += std::to_string(i + 1);
     AppendAll(&points, {point.xyz.x(), point.xyz.y(), point.xyz.z()});
-    for (const int value : point.rgb) points += " " + std::to_string(value);
+    for (const std::uint8_t value : point.rgb) AppendCount(&points, value);
     AppendAll(&points, {point.error_px});
     points += tracks[i] + "\n";
   }

@@ -103,6 +103,9 @@ Photo DecodePhoto(std::string_view file, int max_side) {
   FitWithin(max_side, &width, &height);
   // Resizing first leaves fewer pixels to turn.
   photo.image = ApplyOrientation(ResizeArea(stored, width, height), tags.orientation);
+  photo.orientation = tags.orientation;
+  photo.full_width = tags.orientation >= 5 ? stored.height : stored.width;
+  photo.full_height = tags.orientation >= 5 ? stored.width : stored.height;
   photo.make = tags.make;
   photo.model = tags.model;
   if (!tags.colour_profile.empty()) {

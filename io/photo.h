@@ -11,10 +11,12 @@
 namespace io {
 
 struct Photo {
-  Image image;                     // RGB, or RGBA when some pixel is not opaque; EXIF orientation applied
-  std::optional<double> focal_px;  // of `image`, from EXIF
-  std::string make, model;         // of the camera; empty when unknown
-  std::vector<std::string> notes;  // what was converted or ignored, for the user
+  Image image;          // RGB, or RGBA when some pixel is not opaque; EXIF orientation applied
+  int orientation = 1;  // the EXIF orientation that was applied
+  int full_width = 0, full_height = 0;  // upright, before resizing
+  std::optional<double> focal_px;       // of `image`, from EXIF
+  std::string make, model;              // of the camera; empty when unknown
+  std::vector<std::string> notes;       // what was converted or ignored, for the user
 };
 
 // file: the bytes of a JPEG, PNG, TIFF, WebP or HEIC file, told apart by content. max_side limits the longest

@@ -32,6 +32,7 @@ struct Frame {
   std::filesystem::path image_path;  // absolute, or relative to the file that the scene was read from
   int camera_index = 0;              // into Scene::cameras
   Rigid3d world_from_cam;            // OpenGL axes
+  std::filesystem::path mask_path;   // as image_path; its pixels that count (io/mask.h); empty: all do
 };
 
 struct Point3D {

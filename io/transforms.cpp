@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "io/image_size.h"
 #include "io/json_reader.h"
 #include "io/ply.h"
 #include "io/transforms_camera.h"
@@ -37,7 +38,7 @@ const std::set<std::string> kForeignCameraSwitches =
 const std::set<std::string> kIntrinsics =
     Words("w h fl_x fl_y cx cy k1 k2 k3 k4 p1 p2 x_fov y_fov distortion_params camera_model");
 const std::set<std::string> kOtherRead =
-    Words("frames file_path transform_matrix camera_angle_x camera_angle_y ply_file_path pipeline");
+    Words("frames file_path mask_path transform_matrix camera_angle_x camera_angle_y ply_file_path pipeline");
 // Settings of other programs that say nothing about where a pixel looks.
 const std::set<std::string> kHarmless = Words(
     "aabb_scale aabb scale offset up render_aabb envmap n_frames sharpness sharpness_discard_threshold "
@@ -63,6 +64,7 @@ class TransformsReader {
   TransformsDialect Dialect() const;
   // The file that a path in the JSON names, or nothing when it does not exist.
   std::optional<fs::path> Resolve(const JsonReader& value) const;
+  fs::path ResolveMask(const JsonReader& value, const Camera& camera) const;
   void ReadFrame(const JsonReader& frame);
   void ReadPipeline(const JsonReader& ours);
 
@@ -113,8 +115,6 @@ void TransformsReader::CheckKeys(const JsonReader& object, const std::string& pl
     const JsonReader value = object.At(key);
     if (kForeignCameras.contains(key) || (kForeignCameraSwitches.contains(key) && value.Bool())) {
       value.Fail("this camera is not supported", "Undistort first: pictures must be perspective");
-    } else if (key == "mask_path") {
-      ignored_keys_.insert("mask_path (masks are not used)");
     } else if (key.ends_with("_filenames")) {
       ignored_keys_.insert(key + " (the split is made anew)");
     } else if (!kForeignCameraSwitches.contains(key) && !kIntrinsics.contains(key) &&
@@ -179,7 +179,19 @@ void TransformsReader::ReadFrame(const JsonReader& frame) {
   const auto found = std::find(cameras.begin(), cameras.end(), camera);
   const int index = static_cast<int>(found - cameras.begin());
   if (found == cameras.end()) cameras.push_back(camera);
-  file_.scene.frames.push_back({*image_path, index, pose.world_from_cam});
+  fs::path mask_path;
+  if (frame.Has("mask_path")) mask_path = ResolveMask(frame.At("mask_path"), camera);
+  file_.scene.frames.push_back({*image_path, index, pose.world_from_cam, mask_path});
+}
+
+fs::path TransformsReader::ResolveMask(const JsonReader& value, const Camera& camera) const {
+  const std::optional<fs::path> path = Resolve(value);
+  if (!path)
+    value.Fail("\"" + value.String() + "\" does not exist", "Put it beside the JSON file or remove the key");
+  const ImageSize size = ReadImageSize(*path);
+  if (size.width != camera.width || size.height != camera.height)
+    value.Fail("\"" + value.String() + "\" differs in size from its picture", "Make the mask anew");
+  return *path;
 }
 
 void TransformsReader::ReadPipeline(const JsonReader& ours) {

@@ -14,7 +14,7 @@ namespace io {
 enum class TransformsDialect { kBlender, kInstantNgp, kNerfstudio };
 
 struct TransformsFile {
-  // Image paths are absolute; points come from ply_file_path when present; near, far, aabb and
+  // Image and mask paths are absolute; points come from ply_file_path when present; near, far, aabb and
   // scene_from_sfm are set when we wrote the file.
   Scene scene;
   TransformsDialect dialect = TransformsDialect::kNerfstudio;
@@ -23,11 +23,13 @@ struct TransformsFile {
   std::vector<std::string> notes;  // what was ignored or repaired, one line each
 };
 
-// Poses are world_from_cam, OpenGL axes, as stored (no re-centring, no scaling). Throws kBadInput with the
-// JSON path or line of the fault.
+// Poses are world_from_cam, OpenGL axes, as stored (no re-centring, no scaling). mask_path, nerfstudio's key,
+// may stand in any frame of any dialect; a mask that is missing or differs in size from its picture is a
+// fault. Throws kBadInput with the JSON path or line of the fault.
 TransformsFile ReadTransforms(const std::filesystem::path& json_path);
 
-// Frames must share the folder of `json_path` or lie below it; paths are written relative with '/'.
+// Pictures and masks must share the folder of `json_path` or lie below it; paths are written relative with
+// '/'. nerfstudio reads mask_path only where every frame has one.
 // `ply_name` is the name, beside the file, of the point cloud that the file refers to; empty: none. Near,
 // far, aabb and scene_from_sfm are written only when the aabb has a volume, that is, once the scene is
 // normalised.

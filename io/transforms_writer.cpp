@@ -99,6 +99,7 @@ void WriteTransforms(const fs::path& json_path, const Scene& scene, const std::s
   for (const Frame& frame : scene.frames) {
     Json entry;
     entry["file_path"] = RelativePath(json_path, frame.image_path);
+    if (!frame.mask_path.empty()) entry["mask_path"] = RelativePath(json_path, frame.mask_path);
     if (!is_shared) AddIntrinsics(scene.cameras[static_cast<std::size_t>(frame.camera_index)], &entry);
     entry["transform_matrix"] = MatrixJson(frame.world_from_cam);
     frames.push_back(std::move(entry));

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "io/check.h"
+#include "io/mask.h"
 #include "nerf/parallel.h"
 
 namespace nerf {
@@ -51,10 +52,51 @@ const View& Dataset::ViewOf(std::size_t pixel) const {
            1);
 }
 
+std::size_t Dataset::UsedPixel(std::size_t rank) const {
+  if (runs.empty()) return rank;
+  const PixelRun& run =
+      *(std::upper_bound(runs.begin(),
+                         runs.end(),
+                         rank,
+                         [](std::size_t r, const PixelRun& next) { return r < next.first_rank; }) -
+        1);
+  return run.first_pixel + (rank - run.first_rank);
+}
+
+std::vector<bool> Dataset::UsedPixels() const {
+  std::vector<bool> used(runs.empty() ? 0 : n_pixels(), false);
+  for (std::size_t rank = 0; rank < n_used() && !used.empty(); ++rank) used[UsedPixel(rank)] = true;
+  return used;
+}
+
+namespace {
+
+// The runs of one view per mask; none when all masks are empty.
+std::vector<PixelRun> UsedRuns(const std::vector<View>& views, const std::vector<io::Mask>& masks) {
+  std::vector<PixelRun> runs;
+  if (std::all_of(masks.begin(), masks.end(), [](const io::Mask& mask) { return mask.used.empty(); }))
+    return runs;
+  std::uint32_t rank = 0, pixel = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const std::size_t n =
+        static_cast<std::size_t>(views[i].width) * static_cast<std::size_t>(views[i].height);
+    for (std::size_t p = 0; p < n; ++p, ++pixel) {
+      if (!masks[i].Uses(p)) continue;
+      if (p == 0 || !masks[i].Uses(p - 1)) runs.push_back({rank, pixel});
+      ++rank;
+    }
+  }
+  runs.push_back({rank, pixel});
+  return runs;
+}
+
+}  // namespace
+
 Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
   const std::size_t n = scene.frames.size();
   if (n == 0) throw Error(ExitCode::kBadInput, "the scene has no pictures");
   std::vector<io::Image> images(n);
+  std::vector<io::Mask> masks(n);
   Workers(threads).Run(static_cast<int>(n), [&](int i, int) {
     const io::Frame& frame = scene.frames[static_cast<std::size_t>(i)];
     const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
@@ -66,6 +108,8 @@ Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
                       std::to_string(camera.height));
     }
     images[static_cast<std::size_t>(i)] = std::move(image);
+    if (frame.mask_path.empty()) return;
+    masks[static_cast<std::size_t>(i)] = io::ReadMask(frame.mask_path, camera.width, camera.height);
   });
   bool has_alpha = false;
   for (const io::Image& image : images) {
@@ -97,8 +141,12 @@ Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
     for (std::size_t p = 0; p < image.data.size(); p += source_channels) {
       dataset.pixels.insert(dataset.pixels.end(), &image.data[p], &image.data[p] + channels);
     }
+    for (std::size_t p = 0; has_alpha && p < masks[i].used.size(); ++p) {
+      if (!masks[i].Uses(p)) dataset.pixels[(dataset.views[i].first_pixel + p) * channels + 3] = 255;
+    }
     images[i] = {};
   }
+  dataset.runs = UsedRuns(dataset.views, masks);
   return dataset;
 }
 

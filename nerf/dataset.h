@@ -34,18 +34,33 @@ struct View {
   std::size_t first_pixel;  // into Dataset::pixels, in pixels
 };
 
+// Used pixels without a gap. Ranks count the used pixels of all views.
+struct PixelRun {
+  std::uint32_t first_rank, first_pixel;
+};
+
 struct Dataset {
   std::vector<View> views;
   int channels = 3;                  // 3: RGB; 4: RGB + straight alpha (all views alike)
   std::vector<std::uint8_t> pixels;  // [n_pixels][channels]
+  // By rising rank, and one more entry that ends the last; empty: no view has a mask. 8 bytes per run: a few
+  // kilobytes per picture, and never more than 4 bytes per pixel.
+  std::vector<PixelRun> runs;
   std::size_t n_pixels() const { return pixels.size() / static_cast<std::size_t>(channels); }
+  std::size_t n_used() const { return runs.empty() ? n_pixels() : runs.back().first_rank; }
+
+  // The used pixel of a rank in [0, n_used).
+  std::size_t UsedPixel(std::size_t rank) const;
+  // Whether each pixel is used; empty: no view has a mask.
+  std::vector<bool> UsedPixels() const;
 
   // The view a pixel belongs to.
   const View& ViewOf(std::size_t pixel) const;
 };
 
-// Reads the pictures of a scene. Pictures with and without alpha do not mix; alpha that is opaque everywhere
-// is dropped. Throws kBadInput when a picture is missing or differs in size from its camera.
+// Reads the pictures of a scene and their masks. Pictures with and without alpha do not mix; alpha that is
+// opaque everywhere is dropped; pixels that are not used are opaque, for nothing is known to be empty there.
+// Throws kBadInput when a picture is missing or differs in size from its camera, or a mask from its picture.
 Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset = 0.5);
 
 }  // namespace nerf

@@ -169,10 +169,13 @@ Plane FeatureStrength(const Plane& y,
 
 }  // namespace
 
-FlipMap Flip(const io::Image& a, const io::Image& b, const FlipOptions& options) {
+FlipMap Flip(const io::Image& a, const io::Image& b, const FlipOptions& options, const io::Mask& mask) {
   if (a.width != b.width || a.height != b.height || a.channels != 3 || b.channels != 3) {
     throw io::Error(io::ExitCode::kBadInput, "FLIP needs two RGB pictures of one size");
   }
+  const std::size_t n_used = mask.used.empty() ? a.data.size() / 3 : mask.UsedCount();
+  if (n_used == 0 || (!mask.used.empty() && (mask.width != a.width || mask.height != a.height)))
+    throw io::Error(io::ExitCode::kBadInput, "FLIP needs a mask of the pictures' size that uses some pixel");
   const double ppd = options.pixels_per_degree;
   Planes opponent_a = OpponentFromImage(a), opponent_b = OpponentFromImage(b);
   const std::vector<Vector3d> lab_a = PerceivedColours(opponent_a, ppd),
@@ -205,7 +208,7 @@ FlipMap Flip(const io::Image& a, const io::Image& b, const FlipOptions& options)
     const double feature = std::pow(difference / std::numbers::sqrt2, kFeatureExponent);
     const double error = std::pow(colour, 1 - feature);
     map.error[i] = static_cast<float>(error);
-    map.mean += error / static_cast<double>(lab_a.size());
+    if (mask.Uses(i)) map.mean += error / static_cast<double>(n_used);
   }
   return map;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "io/image.h"
+#include "io/mask.h"
 
 namespace nerf {
 
@@ -18,12 +19,17 @@ struct FlipOptions {
 struct FlipMap {
   int width = 0, height = 0;
   std::vector<float> error;  // [height][width], in [0, 1]
-  double mean = 0;
+  double mean = 0;           // over the used pixels
 };
 
 // error = colour^(1 - feature): `colour` is the HyAB distance in Hunt-adjusted CIELAB after filtering with
 // the eye's contrast sensitivity, `feature` the difference in edges and points; both in [0, 1]. Symmetric in
-// its arguments. Throws kBadInput unless both are 8-bit sRGB of one size.
-FlipMap Flip(const io::Image& a, const io::Image& b, const FlipOptions& options = {});
+// its arguments. `mask`, unless empty, says over which pixels the mean is; the filters reach some pixels
+// beyond them. Throws kBadInput unless both are 8-bit sRGB of one size, the mask's too, which uses some
+// pixel.
+FlipMap Flip(const io::Image& a,
+             const io::Image& b,
+             const FlipOptions& options = {},
+             const io::Mask& mask = {});
 
 }  // namespace nerf

@@ -19,8 +19,8 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
   const Dataset dataset = LoadDataset(heldout, threads, pixel_offset);
   background_ = dataset.channels == 4 ? 1.f : 0.5f;
   for (std::uint64_t i = 0; i < kPixels; ++i) {
-    const std::size_t pixel =
-        Random(0, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_pixels()));
+    const std::size_t pixel = dataset.UsedPixel(
+        Random(0, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
     rays_.push_back(view.camera.RayThrough(in_view % view.width, in_view / view.width));
@@ -48,8 +48,8 @@ double HeldoutMonitor::Psnr(const SceneField& scene_field, Workers* workers) con
 double ConstantSquaredError(const Dataset& dataset, double background) {
   double sum[3] = {}, squares[3] = {};
   for (std::uint64_t i = 0; i < kConstantPixels; ++i) {
-    const std::size_t pixel =
-        Random(1, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_pixels()));
+    const std::size_t pixel = dataset.UsedPixel(
+        Random(1, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
     const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
     const double alpha = dataset.channels == 4 ? p[3] / 255.0 : 1.0;
     for (int j = 0; j < 3; ++j) {

@@ -12,7 +12,7 @@ namespace nerf {
 
 class HeldoutMonitor {
  public:
-  // Draws 8192 fixed random pixels of the held-out pictures; none when the scene has no frames.
+  // Draws 8192 fixed random used pixels of the held-out pictures; none when the scene has no frames.
   HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset);
 
   // PSNR over those pixels, on white for pictures with alpha; NaN without held-out pictures.
@@ -24,8 +24,8 @@ class HeldoutMonitor {
   float background_ = 1;
 };
 
-// Mean squared error per channel, on the given background, of the constant picture that fits the training
-// pixels best.
+// Mean squared error per channel, on the given background, of the constant picture that fits the used
+// training pixels best.
 double ConstantSquaredError(const Dataset& dataset, double background);
 
 }  // namespace nerf

@@ -40,18 +40,18 @@ struct Projector {
     return p.x() >= margin && p.y() >= margin && p.x() <= width - margin && p.y() <= height - margin;
   }
 
-  // Whether a corner or the centre of the cell lies in the picture and beyond `near`, or the camera is inside
-  // the cell.
-  bool SeesAny(const CellPoints& points, float near) const {
+  // Whether a corner or the centre of the cell lies on a used pixel and beyond `near`, or the camera is
+  // inside the cell. uses(x, y) tells used pixels.
+  template <typename Uses>
+  bool SeesAny(const CellPoints& points, float near, const Uses& uses) const {
     float nearest = std::numeric_limits<float>::infinity();
     for (const Eigen::Vector3f& point : points) {
       const Eigen::Vector3f in_cam = rotation * point + translation;
       const float depth = -in_cam.z(), distance = in_cam.norm();
       nearest = std::min(nearest, distance);
-      if (depth > 0 && distance > near &&
-          Contains({fl_x * in_cam.x() / depth + cx, -fl_y * in_cam.y() / depth + cy}, 0)) {
-        return true;
-      }
+      if (!(depth > 0 && distance > near)) continue;
+      const Eigen::Vector2f p(fl_x * in_cam.x() / depth + cx, -fl_y * in_cam.y() / depth + cy);
+      if (Contains(p, 0) && uses(p.x(), p.y())) return true;
     }
     return nearest < (points[8] - points[0]).norm() && nearest > near;
   }
@@ -170,8 +170,13 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
   return box;
 }
 
-void CarveByFrusta(
-    const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid) {
+void CarveByFrusta(const io::Scene& scene,
+                   const Dataset& dataset,
+                   const SpaceMap& map,
+                   double near,
+                   Workers* workers,
+                   OccupancyGrid* grid) {
+  const std::vector<bool> used = dataset.UsedPixels();
   std::vector<Projector> projectors;
   for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
   const int n = grid->resolution();
@@ -183,8 +188,15 @@ void CarveByFrusta(
       CellPoints points;
       CellPointsOf(*grid, map, cell, &points);
       int seen = 0;
-      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v)
-        seen += projectors[v].SeesAny(points, static_cast<float>(near));
+      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v) {
+        const View& view = dataset.views[v];
+        seen += projectors[v].SeesAny(points, static_cast<float>(near), [&](float x, float y) {
+          if (used.empty()) return true;
+          const int column = std::min(static_cast<int>(x), view.width - 1),
+                    row = std::min(static_cast<int>(y), view.height - 1);
+          return bool{used[view.first_pixel + static_cast<std::size_t>(row * view.width + column)]};
+        });
+      }
       seen >= 2 ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
     }
   });

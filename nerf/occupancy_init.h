@@ -17,8 +17,13 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
                                   OccupancyGrid* grid);
 
 // Opaque pictures: cells that fewer than two views can see are empty (one view cannot place anything in
-// depth), and so are cells nearer than `near` to every view that sees them.
-void CarveByFrusta(
-    const io::Scene& scene, const SpaceMap& map, double near, Workers* workers, OccupancyGrid* grid);
+// depth), and so are cells nearer than `near` to every view that sees them. Views see through their used
+// pixels: elsewhere training never meets the density that a cell starts with, which would stay as fog.
+void CarveByFrusta(const io::Scene& scene,
+                   const Dataset& dataset,
+                   const SpaceMap& map,
+                   double near,
+                   Workers* workers,
+                   OccupancyGrid* grid);
 
 }  // namespace nerf

@@ -21,10 +21,11 @@ void DrawRays(
              shards = static_cast<std::uint64_t>(plan.n_shards);
   const std::uint64_t first = rays * static_cast<std::uint64_t>(shard) / shards;
   const std::uint64_t last = rays * static_cast<std::uint64_t>(shard + 1) / shards;
+  const auto n_used = static_cast<std::uint32_t>(dataset.n_used());
   batch->rays.clear();
   for (std::uint64_t id = first; id < last; ++id) {
     Random random(plan.seed, Stream::kRay, plan.step, 2 * id);
-    const std::size_t pixel = random.Below(static_cast<std::uint32_t>(dataset.n_pixels()));
+    const std::size_t pixel = dataset.UsedPixel(random.Below(n_used));
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
     BatchRay ray{.id = id,

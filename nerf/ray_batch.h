@@ -44,7 +44,8 @@ struct RayBatch {
   Samples wave;
 };
 
-// Rays of one shard through random pixels of all pictures, each starting within its first interval at random.
+// Rays of one shard through random used pixels of all pictures, each starting within its first interval at
+// random.
 void DrawRays(
     const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch);
 

@@ -148,7 +148,7 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   if (has_alpha) {
     CarveByMasks(scene, dataset, map, workers, &result->grid);
   } else {
-    CarveByFrusta(scene, map, sampling.near, workers, &result->grid);
+    CarveByFrusta(scene, dataset, map, sampling.near, workers, &result->grid);
   }
   result->grid.Rebuild();
   char text[400];

@@ -34,9 +34,9 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     stage.Decide("scored " + std::to_string(test.frames.size()) + " of " + std::to_string(n_all) +
                  " held-out views");
   }
-  const std::string protocol = ProtocolName(common.out);
   RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
   const Evaluation result = ScoreViews(test, stage.folder(), options);
+  const std::string protocol = ProtocolName(common.out) + (result.masked ? ", masked" : "");
   WriteScores(result, protocol, stage.folder());
 
   const ViewScore& worst = result.views[result.WorstFirst()[0]];
@@ -52,6 +52,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
                 worst.name.c_str(),
                 worst.psnr_db);
   std::printf("evaluate: %s\n", line);
+  if (result.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (result.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", protocol);
   stage.Set("views", static_cast<double>(result.views.size()));

@@ -12,6 +12,7 @@
 #include "io/colour_map.h"
 #include "io/error.h"
 #include "io/interrupt.h"
+#include "io/mask.h"
 #include "io/progress.h"
 #include "nerf/flip.h"
 #include "nerf/metrics.h"
@@ -26,6 +27,7 @@ using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
+constexpr std::uint8_t kDarkening = 4;  // unused pixels of a strip: dark, but one sees what was there
 
 fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
   return folder / "renders" / (frame.image_path.stem().string() + ".png");
@@ -43,14 +45,26 @@ void Paste(const io::Image& picture, int x, io::Image* strip) {
   }
 }
 
-io::Image MakeStrip(const io::Image& truth, const io::Image& render) {
+io::Mask MaskOf(const io::Frame& frame, const io::Image& truth) {
+  return frame.mask_path.empty() ? io::Mask() : io::ReadMask(frame.mask_path, truth.width, truth.height);
+}
+
+io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
+  for (std::size_t i = 0; i < picture.data.size(); ++i) {
+    if (!mask.Uses(i / 3)) picture.data[i] /= kDarkening;
+  }
+  return picture;
+}
+
+io::Image MakeStrip(const io::Image& truth, const io::Image& render, const io::Mask& mask) {
   const nerf::FlipMap flip = nerf::Flip(truth, render);
   const int step = truth.width + kStripGap;
   io::Image strip = io::MakeImage(3 * step - kStripGap, truth.height, 3);
   std::fill(strip.data.begin(), strip.data.end(), kWhite);
-  Paste(truth, 0, &strip);
-  Paste(render, step, &strip);
-  Paste(io::ApplyColourMap(flip.error, flip.width, flip.height, io::ColourMap::kMagma), 2 * step, &strip);
+  const io::Image error = io::ApplyColourMap(flip.error, flip.width, flip.height, io::ColourMap::kMagma);
+  Paste(DarkenUnused(truth, mask), 0, &strip);
+  Paste(DarkenUnused(render, mask), step, &strip);
+  Paste(DarkenUnused(error, mask), 2 * step, &strip);
   return strip;
 }
 
@@ -64,13 +78,14 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path) {
                 render_path.string() + ": " + SizeText(render.width, render.height) +
                     " pixels, its truth has " + SizeText(truth.width, truth.height));
   }
+  const io::Mask mask = MaskOf(frame, truth);
   ViewScore score;
   score.name = frame.image_path.filename().string();
-  score.mse = nerf::MeanSquaredError(truth, render);
+  score.mse = nerf::MeanSquaredError(truth, render, mask);
   score.identical = score.mse == 0;
   score.psnr_db = nerf::PsnrFromMse(score.mse);
-  score.ssim = nerf::Ssim(truth, render);
-  score.flip = nerf::Flip(truth, render).mean;
+  score.ssim = nerf::Ssim(truth, render, mask);
+  score.flip = nerf::Flip(truth, render, {}, mask).mean;
   return score;
 }
 
@@ -144,6 +159,9 @@ Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const Evalu
   result.width = first.width;
   result.height = first.height;
   result.white_background = first.channels == 4;
+  result.masked = std::any_of(test.frames.begin(), test.frames.end(), [](const io::Frame& frame) {
+    return !frame.mask_path.empty();
+  });
   result.views.resize(test.frames.size());
   nerf::Workers workers(options.threads);
   io::Progress progress("evaluate: score");
@@ -171,8 +189,9 @@ Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const Evalu
     const io::Frame& frame = test.frames[order[rank]];
     char prefix[16];
     std::snprintf(prefix, sizeof prefix, n < 100 ? "%02d_" : "%03d_", rank + 1);
+    const io::Image truth = ReadTruth(frame), render = io::ReadImage(RenderPath(folder, frame));
     io::WriteImage(folder / "compare" / (prefix + frame.image_path.stem().string() + ".png"),
-                   MakeStrip(ReadTruth(frame), io::ReadImage(RenderPath(folder, frame))));
+                   MakeStrip(truth, render, MaskOf(frame, truth)));
   });
   return result;
 }
@@ -183,6 +202,10 @@ void WriteScores(const Evaluation& evaluation, const std::string& protocol, cons
   json["resolution"] = {evaluation.width, evaluation.height};
   json["background"] =
       evaluation.white_background ? "white, straight alpha composited before scoring" : "none";
+  if (evaluation.masked) {
+    json["masked"] = true;
+    json["pixels"] = "those that the masks use; of SSIM and FLIP, values at their place";
+  }
   json["rounding"] = "8-bit sRGB, nearest, both pictures";
   json["ssim_kernel"] =
       "11x11 Gaussian, sigma 1.5, valid region, mean of channels, k1 0.01, k2 0.03, data range 1";

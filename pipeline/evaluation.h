@@ -23,7 +23,7 @@ struct EvaluationOptions {
 
 struct ViewScore {
   std::string name;  // file name of the held-out picture
-  double mse = 0;    // over pixels and channels, values in [0, 1]
+  double mse = 0;    // over used pixels and channels, values in [0, 1]
   double psnr_db = 0, ssim = 0, flip = 0;
   bool identical = false;  // render equals truth in every bit; PSNR is then the cap, nerf::kMaxPsnrDb
 };
@@ -31,6 +31,7 @@ struct ViewScore {
 struct Evaluation {
   int width = 0, height = 0;               // of the first view
   bool white_background = false;           // a truth picture has alpha and was composited on white
+  bool masked = false;                     // a view has a mask; all figures are over used pixels
   std::vector<ViewScore> views;            // in the order of the scene's frames
   double psnr_db = 0, ssim = 0, flip = 0;  // means over the views
   double psnr_of_mean_mse_db = 0;
@@ -50,9 +51,9 @@ void RenderViews(const nerf::TrainedField& field,
                  const std::filesystem::path& folder,
                  int threads);
 
-// Scores folder/renders/ against the pictures of `test`; writes folder/compare/<rank>_<stem>.png (truth |
-// render | FLIP error in magma colours), rank 1 the worst PSNR. Throws kBadInput for a missing render or one
-// of another size.
+// Scores folder/renders/ against the pictures of `test` where their masks use them; writes
+// folder/compare/<rank>_<stem>.png (truth | render | FLIP error in magma colours, unused pixels dark), rank 1
+// the worst PSNR. Throws kBadInput for a missing render or one of another size.
 Evaluation ScoreViews(const io::Scene& test,
                       const std::filesystem::path& folder,
                       const EvaluationOptions& options);

@@ -1,10 +1,13 @@
 #include "pipeline/ingest.h"
 
+#include <algorithm>
 #include <charconv>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "io/atomic_file.h"
 #include "io/error.h"
+#include "pipeline/photo_masks.h"
 #include "pipeline/run_input.h"
 #include "pipeline/stage.h"
 #include "pipeline/stages.h"
@@ -42,6 +45,15 @@ void CheckRanges(const IngestOptions& options) {
   if (!(blur >= 0 && blur < 1)) throw Error(ExitCode::kUsage, "--blur: from 0 to below 1");
 }
 
+std::vector<fs::path> MasksOf(const PictureSource& source, const fs::path& folder) {
+  if (source.is_video) {
+    throw Error(ExitCode::kUsage,
+                "--masks: the frames of a video have no names that masks could bear",
+                "Extract them with ffmpeg, and give their folder and the masks");
+  }
+  return MatchMasks(folder, source.files);
+}
+
 std::string FramesJson(const IngestReport& report) {
   Json json = {{"kept", Json::array()}, {"dropped", Json::array()}};
   for (const KeptPicture& picture : report.kept) {
@@ -54,6 +66,7 @@ std::string FramesJson(const IngestReport& report) {
                   {"camera_group", picture.camera_group},
                   {"notes", picture.notes}};
     if (picture.focal_px) entry["focal_px"] = *picture.focal_px;
+    if (picture.used_share) entry["mask"] = true;
     if (picture.time_s) entry["time_s"] = *picture.time_s;
     json["kept"].push_back(entry);
   }
@@ -68,12 +81,17 @@ void Ingest(int argc, const char* const* argv) {
       "pipeline ingest",
       "Chooses and cleans the pictures of a folder, a quoted pattern or a video: decoded, upright, "
       "8-bit sRGB, one\nlongest side, without blurred, repeated and damaged ones. Writes "
-      "ingest/images/*.png and ingest/frames.json.");
+      "ingest/images/*.png, ingest/masks/*.png\nand ingest/frames.json.");
   CommonOptions common;
   IngestOptions ingest;
-  fs::path input;
+  fs::path input, masks;
   std::string frames;
   options.AddPositional("INPUT", &input, "folder of photos, quoted pattern, or video", true);
+  options.Add("masks",
+              &masks,
+              "folder of masks, IMG_1.png for IMG_1.jpg: white is used, black is not; a photo without one is "
+              "used whole",
+              false);  // the files decide, not their folder's name
   options.Add("max-size", &ingest.max_side, "longest side of the kept pictures in pixels");
   options.Add("max-frames", &ingest.selection.max_frames, "most frames to keep of a video");
   options.Add("frames", &frames, "part of a video to use, A:B, first and last frame number");
@@ -88,12 +106,17 @@ void Ingest(int argc, const char* const* argv) {
   const PictureSource source = FindPictures(input);
   if (common.out.empty()) common.out = DefaultRunFolder(input);
 
-  StageRun stage("ingest", common, options, source.files);
+  if (!masks.empty()) ingest.masks = MasksOf(source, masks);
+  std::vector<fs::path> inputs = source.files;
+  std::copy_if(
+      ingest.masks.begin(), ingest.masks.end(), std::back_inserter(inputs), [](const fs::path& mask) {
+        return !mask.empty();
+      });
+  StageRun stage("ingest", common, options, inputs);
   if (stage.IsUpToDate()) return;
-  const fs::path images = stage.folder() / "images";
-  fs::create_directories(images);
-  const IngestReport report =
-      source.is_video ? IngestVideo(source.files[0], ingest, images) : IngestPhotos(source, ingest, images);
+  fs::create_directories(stage.folder() / "images");
+  const IngestReport report = source.is_video ? IngestVideo(source.files[0], ingest, stage.folder())
+                                              : IngestPhotos(source, ingest, stage.folder());
   io::WriteFileAtomically(stage.folder() / "frames.json", FramesJson(report));
   for (const std::string& line : report.decisions) stage.Decide(line);
   stage.Set("input_kind", std::string(source.is_video ? "video" : "photos"));

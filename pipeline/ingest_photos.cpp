@@ -12,6 +12,7 @@
 #include "io/progress.h"
 #include "nerf/parallel.h"
 #include "pipeline/ingest.h"
+#include "pipeline/photo_masks.h"
 
 namespace pipeline {
 namespace {
@@ -35,8 +36,13 @@ struct PhotoResult {
   std::string make, model;
 };
 
-// Decodes and writes one photo. A file that cannot be decoded is a result, not a failure.
-void IngestPhoto(const fs::path& file, int max_side, const fs::path& images_folder, PhotoResult* result) {
+// Decodes and writes one photo and its mask. A file that cannot be decoded is a result, not a failure; a mask
+// that cannot is one, for without it the photo would be used whole.
+void IngestPhoto(const fs::path& file,
+                 const fs::path& mask_file,
+                 int max_side,
+                 const fs::path& folder,
+                 PhotoResult* result) {
   const std::string bytes = ReadPictureFile(file);
   io::Photo photo;
   try {
@@ -46,6 +52,16 @@ void IngestPhoto(const fs::path& file, int max_side, const fs::path& images_fold
     result->is_bad = true;
     return;
   }
+  if (!mask_file.empty()) {
+    const io::Mask mask = ReadPhotoMask(mask_file, photo);
+    const std::size_t n_used = mask.UsedCount();
+    if (n_used == 0) {
+      result->reason = "its mask uses no pixel: white, grey level 128 or more, is used";
+      return;
+    }
+    result->picture.used_share = static_cast<double>(n_used) / static_cast<double>(mask.used.size());
+    io::WriteMask(folder / "masks" / result->picture.name, mask);
+  }
   result->look = {io::Sharpness(photo.image), io::MakeThumbnail(photo.image)};
   result->picture.width = photo.image.width;
   result->picture.height = photo.image.height;
@@ -54,7 +70,7 @@ void IngestPhoto(const fs::path& file, int max_side, const fs::path& images_fold
   result->picture.notes = photo.notes;
   result->make = photo.make;
   result->model = photo.model;
-  io::WriteImage(images_folder / result->picture.name, photo.image);
+  io::WriteImage(folder / "images" / result->picture.name, photo.image);
 }
 
 // The later ones of files with equal bytes get a reason.
@@ -105,7 +121,7 @@ int CameraGroup(const PhotoResult& result, std::map<CameraKey, int>* groups) {
 // Moves every result into the report, as kept or as dropped with its reason.
 void Select(std::vector<PhotoResult>* results,
             const SelectionOptions& options,
-            const fs::path& images_folder,
+            const fs::path& folder,
             IngestReport* report) {
   std::vector<PhotoResult*> decoded;
   std::vector<PictureLook> looks;
@@ -119,7 +135,9 @@ void Select(std::vector<PhotoResult>* results,
   const std::vector<std::string> reasons = JudgePhotos(looks, names, options);
   for (std::size_t k = 0; k < decoded.size(); ++k) {
     decoded[k]->reason = reasons[k];
-    if (!reasons[k].empty()) fs::remove(images_folder / decoded[k]->picture.name);
+    if (reasons[k].empty()) continue;
+    fs::remove(folder / "images" / decoded[k]->picture.name);
+    fs::remove(folder / "masks" / decoded[k]->picture.name);
   }
   std::map<CameraKey, int> groups;
   for (PhotoResult& result : *results) {
@@ -138,7 +156,7 @@ void Select(std::vector<PhotoResult>* results,
 
 std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
                                    const IngestOptions& options,
-                                   const fs::path& images_folder) {
+                                   const fs::path& folder) {
   const std::vector<std::string> stems = SafeStems(files);
   std::vector<PhotoResult> results(files.size());
   for (std::size_t i = 0; i < files.size(); ++i) {
@@ -155,11 +173,27 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
     io::ThrowIfInterrupted();
     const auto index = static_cast<std::size_t>(i);
     PhotoResult& result = results[index];
-    if (result.reason.empty()) IngestPhoto(files[index], options.max_side, images_folder, &result);
+    const fs::path mask = options.masks.empty() ? fs::path() : options.masks[index];
+    if (result.reason.empty()) IngestPhoto(files[index], mask, options.max_side, folder, &result);
     const std::lock_guard lock(progress_mutex);
     progress.Update(++n_done / static_cast<double>(files.size()), result.picture.source);
   });
   return results;
+}
+
+void DescribeMasks(IngestReport* report) {
+  std::size_t n_masks = 0;
+  double shares = 0;
+  for (const KeptPicture& picture : report->kept) {
+    n_masks += picture.used_share.has_value();
+    shares += picture.used_share.value_or(0);
+  }
+  const long percent = n_masks > 0 ? std::lround(100 * shares / static_cast<double>(n_masks)) : 0;
+  const bool is_complete = n_masks == report->kept.size();
+  report->decisions.push_back("masks for " + std::to_string(n_masks) + " of " +
+                              std::to_string(report->kept.size()) + " pictures, which use " +
+                              std::to_string(percent) + " % of their pixels" +
+                              (is_complete ? "" : "; the other pictures are used whole"));
 }
 
 void DescribeResult(IngestReport* report) {
@@ -186,13 +220,11 @@ void DescribeResult(IngestReport* report) {
 
 }  // namespace
 
-IngestReport IngestPhotos(const PictureSource& source,
-                          const IngestOptions& options,
-                          const fs::path& images_folder) {
+IngestReport IngestPhotos(const PictureSource& source, const IngestOptions& options, const fs::path& folder) {
   const std::vector<fs::path>& files = source.files;
   const fs::path parent = files[0].has_parent_path() ? files[0].parent_path() : ".";
-  const std::string folder = PrintableName(parent.string());
-  std::vector<PhotoResult> results = DecodeAll(files, options, images_folder);
+  const std::string name = PrintableName(parent.string());
+  std::vector<PhotoResult> results = DecodeAll(files, options, folder);
 
   IngestReport report;
   report.dropped = source.dropped;
@@ -201,9 +233,10 @@ IngestReport IngestPhotos(const PictureSource& source,
     n_whole += !result.is_bad;
     if (result.is_bad) report.dropped.push_back({result.picture.source, result.reason, true});
   }
-  RefuseMostlyBad(report, n_whole, folder);
-  Select(&results, options.selection, images_folder, &report);
-  RefuseTooFew(report, folder);
+  RefuseMostlyBad(report, n_whole, name);
+  Select(&results, options.selection, folder, &report);
+  RefuseTooFew(report, name);
+  if (!options.masks.empty()) DescribeMasks(&report);
   DescribeResult(&report);
   return report;
 }

@@ -80,7 +80,7 @@ void WriteFrames(const fs::path& video,
                  const IngestOptions& options,
                  const std::vector<FrameVerdict>& verdicts,
                  const VideoMeasure& measure,
-                 const fs::path& images_folder,
+                 const fs::path& folder,
                  IngestReport* report) {
   io::VideoReader reader(video);
   io::VideoFrame frame;
@@ -102,7 +102,7 @@ void WriteFrames(const fs::path& video,
     if (!kept) continue;
     char name[32];
     std::snprintf(name, sizeof name, "frame_%06d.png", index);
-    io::WriteImage(images_folder / name, frame.image);
+    io::WriteImage(folder / "images" / name, frame.image);
     KeptPicture picture;
     picture.name = name;
     picture.source = source;
@@ -122,7 +122,7 @@ std::string Line(const char* format, double a, double b, double c) {
 
 }  // namespace
 
-IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, const fs::path& images_folder) {
+IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, const fs::path& folder) {
   std::string name = PrintableName(video.string());
   io::VideoReader reader(video);
   const VideoMeasure measure = Measure(&reader, options);
@@ -139,7 +139,7 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
   RefuseUnusable(measure, options, name);
   const std::vector<FrameVerdict> verdicts =
       JudgeFrames(measure.path, measure.sharpness, options.first_frame, options.selection);
-  WriteFrames(video, options, verdicts, measure, images_folder, &report);
+  WriteFrames(video, options, verdicts, measure, folder, &report);
   const auto n_kept = static_cast<double>(report.kept.size());
   report.decisions.push_back(Line(
       "%.0f of %.0f frames kept: the picture moved by %.1f of its widths, and the sharpest frame of each "

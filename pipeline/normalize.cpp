@@ -3,6 +3,7 @@
 #include "sfm/normalize.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -11,6 +12,7 @@
 #include "io/hash.h"
 #include "io/image.h"
 #include "io/interrupt.h"
+#include "io/mask.h"
 #include "io/natural_order.h"
 #include "io/ply.h"
 #include "io/transforms.h"
@@ -119,22 +121,48 @@ void PlacePicture(const fs::path& from, const fs::path& to, int width, int heigh
   io::WriteImage(to, io::ResizeArea(io::ReadImage(from), width, height));
 }
 
-// Writes the pictures at training size; the scene then has the cameras and absolute paths of these.
-void WritePictures(
+// Writes the pictures at training size, and their masks at the same below masks/; the scene then has the
+// cameras and absolute paths of these. Returns the share of all pixels that are used.
+double WritePictures(
     const std::vector<fs::path>& names, int limit, int threads, const fs::path& folder, io::Scene* scene) {
   std::vector<io::Camera> cameras = scene->cameras;
+  std::atomic<std::size_t> n_pixels = 0, n_used = 0;
   for (io::Camera& camera : cameras) camera = LimitedCamera(camera, limit);
   nerf::Workers(threads).Run(static_cast<int>(names.size()), [&](int task, int) {
     io::ThrowIfInterrupted();
     const auto i = static_cast<std::size_t>(task);
     io::Frame& frame = scene->frames[i];
-    const auto camera = static_cast<std::size_t>(frame.camera_index);
+    const io::Camera& full = scene->cameras[static_cast<std::size_t>(frame.camera_index)];
+    const io::Camera& camera = cameras[static_cast<std::size_t>(frame.camera_index)];
     const fs::path target = folder / names[i];
-    PlacePicture(
-        frame.image_path, target, cameras[camera].width, cameras[camera].height, scene->cameras[camera]);
+    PlacePicture(frame.image_path, target, camera.width, camera.height, full);
     frame.image_path = target;
+    const std::size_t size = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    n_pixels += size;
+    if (frame.mask_path.empty()) {
+      n_used += size;
+      return;
+    }
+    const io::Mask mask =
+        io::ShrinkMask(io::ReadMask(frame.mask_path, full.width, full.height), camera.width, camera.height);
+    frame.mask_path = folder / "masks" / names[i];
+    io::WriteMask(frame.mask_path, mask);
+    n_used += mask.UsedCount();
   });
   scene->cameras = std::move(cameras);
+  return static_cast<double>(n_used) / static_cast<double>(n_pixels);
+}
+
+void RecordMasks(const io::Scene& scene, double used_share, StageRun* stage) {
+  const auto n_masks = std::count_if(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
+    return !frame.mask_path.empty();
+  });
+  if (n_masks == 0) return;
+  stage->Set("masks", static_cast<double>(n_masks));
+  stage->Set("used_share", used_share);
+  stage->Decide("masks: for " + std::to_string(n_masks) + " of " + std::to_string(scene.frames.size()) +
+                " pictures; training and scores use " + std::to_string(std::lround(100 * used_share)) +
+                " % of all pixels");
 }
 
 // transforms_<split>.json of every split that has frames, read back as the next stages will read it.
@@ -247,10 +275,12 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
   }
   // NeRF-synthetic pictures have the size of their protocol; another size must be asked for.
   const bool keep_size = source.is_blender && !flags.IsSetByUser("image-size");
-  WritePictures(names, keep_size ? 0 : options.image_size, threads, stage.folder(), &source.scene);
+  const int size_limit = keep_size ? 0 : options.image_size;
+  const double used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
   fs::remove_all(undistorted);
   stage.Decide("pictures: " + std::to_string(source.scene.cameras[0].width) + " x " +
                std::to_string(source.scene.cameras[0].height) + " for training");
+  RecordMasks(source.scene, used_share, &stage);
   WriteSplits(source, stage.folder());
   RecordScene(source, &stage);
   stage.Finish();

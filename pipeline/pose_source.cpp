@@ -30,6 +30,7 @@ void Append(const io::TransformsFile& file, const std::string& split, PoseSource
     frame.camera_index = static_cast<int>(found - scene.cameras.begin());
     if (found == scene.cameras.end()) scene.cameras.push_back(camera);
     source->files.push_back(frame.image_path);
+    if (!frame.mask_path.empty()) source->files.push_back(frame.mask_path);
     scene.frames.push_back(std::move(frame));
     if (!split.empty()) source->splits.push_back(split);
   }

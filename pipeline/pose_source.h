@@ -16,7 +16,8 @@ struct PoseSource {
   bool is_blender = false;     // NeRF-synthetic files, whose world is already near 2, far 6
   bool is_normalised = false;  // written by us: near, far and aabb are stated
   std::vector<std::string> missing_images, notes;
-  std::vector<std::filesystem::path> files;  // what was read, pictures included: the inputs of the stage
+  std::vector<std::filesystem::path>
+      files;  // what was read, pictures and masks included: the inputs of the stage
 };
 
 // poses: a transforms.json, a folder with transforms.json or transforms_{train,val,test}.json, a COLMAP

@@ -124,6 +124,10 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
   data->kept = static_cast<int>(data->kept_pictures.size());
   data->dropped = static_cast<int>(data->dropped_pictures.size());
 
+  const Json scene = ParseObject(ReadStageRecord(run_folder, "normalize"));
+  data->masks = static_cast<int>(NumberAt(scene, "masks"));
+  data->used_share = NumberAt(scene, "used_share");
+
   const Json sfm = ParseObject(ReadStageRecord(run_folder, "sfm"));
   data->has_sfm = sfm.contains("registered");
   data->images = static_cast<int>(NumberAt(sfm, "images"));

@@ -43,6 +43,8 @@ struct ReportData {
   bool has_ingest = false, has_sfm = false, has_scores = false;
   int kept = 0, dropped = 0;
   std::vector<NamedText> kept_pictures, dropped_pictures;  // with notes, with reasons
+  int masks = 0;                                           // pictures of the scene that have one
+  double used_share = 0;  // of all pixels of the scene, where there are masks
   int images = 0, registered = 0, points = 0;
   double reprojection_error_px = 0;
   std::vector<NamedText> unregistered;        // with causes

@@ -220,6 +220,12 @@ std::string PicturesSection(const ReportData& data) {
                         data.points,
                         data.reprojection_error_px));
   }
+  if (data.masks > 0) {
+    html += Soft(
+        Format("Masks of %d pictures leave %.0f %% of all pixels, the only ones to be trained on and scored.",
+               data.masks,
+               100 * data.used_share));
+  }
   html += PictureTable("Dropped, and why", data.dropped_pictures);
   html += PictureTable("Not registered, and why", data.unregistered);
   html += PictureTable("How well each pose is known (one standard deviation)", data.pose_uncertainties);

@@ -30,7 +30,7 @@ constexpr double kStageGrace_s = 6;
 
 // The stages own the defaults: an option is forwarded only when it was set, and 0 or "" here means "not set".
 struct RunOptions {
-  fs::path input;
+  fs::path input, masks;
   CommonOptions common;
   int max_frames = 0, max_size = 0, features = 0, image_size = 0, holdout_every = 0, steps = 0;
   int frames_out = 0;
@@ -46,6 +46,7 @@ struct Forward {
   const char* stage_option;
 };
 constexpr Forward kForwards[] = {
+    {"masks", "ingest", "masks"},
     {"max-frames", "ingest", "max-frames"},
     {"frames", "ingest", "frames"},
     {"max-size", "ingest", "max-size"},
@@ -71,6 +72,7 @@ void AddRunOptions(Options* options, RunOptions* run) {
   options->Add("time", &run->time, "training budget, such as 90s, 5m or 1h (train)");
   options->Add("field", &run->field, "radiance field: hash or nerf (train)");
   options->Add("preset", &run->preset, "report: the original NeRF as the report trained it (train)");
+  options->Add("masks", &run->masks, "folder of masks of the photos; white is used (ingest)");
   options->Add("max-frames", &run->max_frames, "most frames taken from a video (ingest)");
   options->Add("frames", &run->frames, "A:B, range of video frames to use (ingest)");
   options->Add("max-size", &run->max_size, "longest side, pixels, for finding poses (ingest)");
@@ -171,6 +173,11 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
   const auto start = std::chrono::steady_clock::now();
   fs::path out = run.common.out.empty() ? DefaultRunFolder(input.path) : fs::absolute(run.common.out);
   out = (out / "").lexically_normal().parent_path();
+  if (!run.masks.empty() && !input.poses.empty()) {
+    throw Error(ExitCode::kUsage,
+                "--masks: " + input.poses.string() + " has poses, and then the frames name their masks",
+                "Write \"mask_path\" into the frames of a transforms.json");
+  }
   const FolderLock lock(out, "run");
   std::fprintf(stderr, "pipeline run: %s\n", StartupLine(DescribeMachine()).c_str());
   if (!input.poses.empty()) {
@@ -215,6 +222,7 @@ int RunAll(int argc, const char* const* argv) {
         "stage is named in brackets: see `pipeline <stage> --help`.");
     AddRunOptions(&options, &run);
     if (!options.Parse(argc, argv)) return;
+    if (!run.masks.empty()) run.masks = fs::absolute(run.masks);       // commands are repeated from anywhere
     if (options.IsSetByUser("time")) ParseDuration("time", run.time);  // now, not after half an hour
     stage_exit_code = RunChain(run, ExamineInput(run.input), options);
   });

@@ -85,11 +85,16 @@ std::vector<sfm::Picture> ReadPictures(const fs::path& ingest) {
 
 void WriteOutputs(const sfm::Reconstruction& result,
                   const fs::path& images,
+                  const fs::path& masks,
                   const fs::path& folder,
                   int threads) {
   io::Scene scene = result.model.scene;
-  for (io::Frame& frame : scene.frames) frame.image_path = images / frame.image_path;
-  const io::Scene undistorted = sfm::UndistortScene(scene, folder / "images", threads);
+  for (io::Frame& frame : scene.frames) {
+    const fs::path mask = masks / fs::path(frame.image_path).replace_extension(".png");
+    if (!masks.empty() && fs::exists(mask)) frame.mask_path = mask;
+    frame.image_path = images / frame.image_path;
+  }
+  const io::Scene undistorted = sfm::UndistortScene(scene, folder, threads);
   io::WritePly(folder / "points.ply", undistorted.points);
   io::WriteTransforms(folder / "transforms.json", undistorted, "points.ply");
   io::WriteColmapModel(folder / "sparse" / "0", result.model);
@@ -183,13 +188,20 @@ int RunSfm(int argc, const char* const* argv) {
     if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline sfm: --out DIR is missing");
     const fs::path ingest = fs::absolute(common.out).lexically_normal() / "ingest";
     const std::vector<sfm::Picture> pictures = ReadPictures(ingest);
-    StageRun stage("sfm", common, options, {ingest / "images", ingest / "frames.json"});
+    std::vector<fs::path> inputs = {ingest / "images", ingest / "frames.json"};
+    if (fs::is_directory(ingest / "masks")) {
+      settings.masks_folder = ingest / "masks";
+      inputs.push_back(settings.masks_folder);
+      if (settings.detector == "colmap")
+        throw io::Error(io::ExitCode::kUsage, "--detector: colmap's takes no masks", "Use --detector opencv");
+    }
+    StageRun stage("sfm", common, options, inputs);
     if (stage.IsUpToDate()) return;
 
     const fs::path work = stage.folder() / "work";
     const sfm::Reconstruction result = sfm::Reconstruct(
         pictures, ingest / "images", work, settings, [&](const std::string& line) { stage.Decide(line); });
-    WriteOutputs(result, ingest / "images", stage.folder(), settings.threads);
+    WriteOutputs(result, ingest / "images", settings.masks_folder, stage.folder(), settings.threads);
     fs::remove_all(work);
     stage.AddChildUse(result.colmap_cpu_s, result.peak_rss_bytes);
     RecordFigures(result, pictures.size(), &stage);

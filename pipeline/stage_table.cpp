@@ -9,7 +9,7 @@ std::span<const StageEntry> StageTable() {
        "choose and clean the pictures of a folder, a glob or a video",
        "ingest",
        "INPUT",
-       "ingest/images/ frames.json",
+       "ingest/images/ masks/ frames.json",
        RunIngest},
       {"sfm",
        "find where each picture was taken (COLMAP)",

@@ -28,8 +28,9 @@ struct AdjustmentReport {
 // The gauge is fixed during the solution: of the two frames farthest apart, the first keeps its pose, the
 // second one coordinate of its centre. Frames and points without observations stay where they are.
 //
-// One thread: on several, Ceres adds up the reduced camera system in the order in which the threads arrive,
-// and the last digits change from run to run. The same model gives the same bytes.
+// One thread, so that the same model gives the same bytes: on several, Ceres adds up the reduced camera
+// system in the order in which the threads arrive (with two, poses changed by 1e-7 of the scene from run to
+// run).
 //
 // Throws io::Error kNumeric, before anything is changed, naming the picture with an observation that is not
 // finite or whose point does not lie in front of it; and when the solver finds no usable solution.

@@ -27,7 +27,7 @@ using io::ExitCode;
 // Limits against hanging: ten times what the slowest supported machine was seen to need.
 constexpr double kExtractionLimitS = 300, kExtractionLimitPerPictureS = 60;
 constexpr double kVerifyingLimitS = 300, kVerifyingLimitPerPairS = 5;
-constexpr double kMappingLimitS = 1800, kMappingLimitPerPictureS = 60;
+constexpr double kMappingLimitS = 300, kMappingLimitPerPictureS = 20;
 constexpr double kHelpLimitS = 60;
 // COLMAP's threads reserve much more address space than they touch; this still stops a run-away reader.
 constexpr std::size_t kMaxMemoryBytes = std::size_t{16} << 30;
@@ -102,7 +102,8 @@ struct Colmap::Step {
   std::vector<std::string> arguments;
   fs::path log;
   double limit_s = 0;
-  bool exit_one_means_nothing = false;  // the mapper's answer when it finds no initial pair
+  // The mapper exits with 1 when it finds no initial pair, and can start models over and over without end.
+  bool may_find_nothing = false;
   std::function<void()> on_tick;
 };
 
@@ -139,7 +140,8 @@ bool Colmap::Run(const Step& step) {
     peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
   }
   if (report.Ok()) return true;
-  if (step.exit_one_means_nothing && report.signal == 0 && report.exit_code == 1) return false;
+  const bool nothing = report.timed_out || (report.signal == 0 && report.exit_code == 1);
+  if (step.may_find_nothing && nothing) return false;
   const std::string tail = io::LogTail(step.log, kLogLines);
   const bool out_of_memory =
       !report.timed_out && (report.signal == SIGKILL || tail.find("bad_alloc") != std::string::npos);
@@ -294,9 +296,9 @@ std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures,
                           "1"},
             .log = log_path_,
             .limit_s = kMappingLimitS + kMappingLimitPerPictureS * n_pictures,
-            .exit_one_means_nothing = true,
+            .may_find_nothing = true,
             .on_tick = [&] { progress.Tick(); }};
-  step.arguments.insert(step.arguments.end(), flags_.mapper_speed.begin(), flags_.mapper_speed.end());
+  step.arguments.insert(step.arguments.end(), flags_.mapper_options.begin(), flags_.mapper_options.end());
   if (relaxed) {
     // Half of COLMAP's defaults of 100 inliers, 16 degrees and 30 inliers.
     step.arguments.insert(step.arguments.end(),
@@ -326,7 +328,7 @@ std::optional<fs::path> Colmap::Merge(const fs::path& a, const fs::path& b) {
                        .arguments = arguments,
                        .log = log_path_,
                        .limit_s = kMappingLimitS,
-                       .exit_one_means_nothing = true});
+                       .may_find_nothing = true});
   if (!ok || !io::IsColmapModel(merged)) return std::nullopt;
   return merged;
 }

@@ -12,8 +12,8 @@ struct ColmapFlags {
   std::string extraction_use_gpu, extraction_threads, extraction_image_size, extraction_features;
   std::string matching_use_gpu, matching_threads;
   std::string mapper_threads;
-  // Flags and values that make the mapper adjust its bundles less often; none where it lists no such options.
-  std::vector<std::string> mapper_speed;
+  // Flags and values that suit what surrounds the mapper here; without those that it does not list.
+  std::vector<std::string> mapper_options;
 };
 
 // From the output of `colmap feature_extractor -h`, `colmap matches_importer -h` and `colmap mapper -h`.

@@ -14,6 +14,7 @@
 
 #include "io/error.h"
 #include "io/interrupt.h"
+#include "io/mask.h"
 #include "io/progress.h"
 
 namespace sfm {
@@ -29,7 +30,6 @@ constexpr int kOctaveLayers = 3;
 // count from the centre of the first pixel, which is at 1/2 here.
 constexpr float kPositionOffset = 0.5f - 0.25f;
 constexpr float kDescriptorScale = 512;
-constexpr int kMaskThreshold = 128;
 
 cv::Mat ReadGrey(const fs::path& path) {
   cv::Mat picture = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
@@ -52,15 +52,11 @@ void WriteRootSift(const float* sift, std::uint8_t* descriptor) {
 
 // The mask at detection size; empty without a mask.
 cv::Mat DetectionMask(const fs::path& folder, const std::string& name, cv::Size picture_size, cv::Size size) {
-  if (folder.empty()) return {};
-  cv::Mat mask = ReadGrey(folder / fs::path(name).replace_extension(".png"));
-  if (mask.size() != picture_size) {
-    throw io::Error(io::ExitCode::kBadInput,
-                    (folder / name).string() + ": the mask has another size than its picture",
-                    "Masks need the pictures' pixels");
-  }
-  if (mask.size() != size) cv::resize(mask, mask, size, 0, 0, cv::INTER_AREA);
-  return mask >= kMaskThreshold;
+  const fs::path path = folder / fs::path(name).replace_extension(".png");
+  if (folder.empty() || !fs::exists(path)) return {};
+  const io::Mask mask =
+      io::ShrinkMask(io::ReadMask(path, picture_size.width, picture_size.height), size.width, size.height);
+  return cv::Mat(mask.used, true).reshape(0, mask.height);
 }
 
 Features Detect(const fs::path& path, const fs::path& masks_folder, const FeatureOptions& options) {

@@ -30,9 +30,10 @@ struct FeatureOptions {
 
 // SIFT features (Lowe, IJCV 2004; OpenCV's implementation, first octave at twice the detection size) with
 // RootSIFT descriptors (Arandjelovic and Zisserman, CVPR 2012): sqrt(d / |d|_1) * 512, as bytes. One entry
-// per name; a picture without texture has none. masks_folder: empty, or holds pictures of the same name (any
-// readable extension) and size; only keypoints on pixels of 128 or more are kept. The result does not depend
-// on `threads`. Throws io::Error kBadInput naming the picture or mask that cannot be read.
+// per name; a picture without texture has none. masks_folder: empty, or holds masks (io/mask.h), a.png for
+// a.jpg; only keypoints on used pixels are kept, and a picture without a mask is used whole. The result does
+// not depend on `threads`. Throws io::Error kBadInput naming the picture or mask that cannot be read, or
+// whose sizes differ.
 std::vector<Features> DetectFeatures(const std::filesystem::path& images_folder,
                                      const std::vector<std::string>& names,
                                      const std::filesystem::path& masks_folder,

@@ -9,9 +9,11 @@ namespace {
 
 constexpr double kMaxErrorPx = 8;  // twice what COLMAP accepts in a pair: poses have errors, too
 constexpr double kMinAgreeingMatches = 0.5;
+constexpr int kFollowing = 3;
 
 // A registered picture: its keypoints as unit rays in the world.
 struct View {
+  int position = 0;  // in the order of the names
   const io::Camera* camera = nullptr;
   const io::Rigid3d* world_from_cam = nullptr;
   const Features* features = nullptr;
@@ -57,25 +59,34 @@ PairAgreement CompareWithPairs(const io::Scene& scene,
                                const std::vector<VerifiedPair>& pairs) {
   std::map<std::string, View> views;
   for (const io::Frame& frame : scene.frames) {
-    views[frame.image_path.string()] = {&scene.cameras[static_cast<std::size_t>(frame.camera_index)],
-                                        &frame.world_from_cam};
+    views[frame.image_path.string()] = {
+        0, &scene.cameras[static_cast<std::size_t>(frame.camera_index)], &frame.world_from_cam};
   }
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto view = views.find(names[i]);
-    if (view != views.end()) view->second.features = &features[i];
+    if (view == views.end()) continue;
+    view->second.position = static_cast<int>(i);
+    view->second.features = &features[i];
   }
   PairAgreement agreement;
-  double inliers = 0, contradicting_inliers = 0;
+  struct Sum {
+    double inliers = 0, contradicting = 0;
+    double Share() const { return inliers > 0 ? contradicting / inliers : 0; }
+  } all, following;
   for (const VerifiedPair& pair : pairs) {
     const auto a = views.find(pair.name_a), b = views.find(pair.name_b);
     if (a == views.end() || b == views.end()) continue;
     const bool contradicts = Contradicts(a->second, b->second, pair);
     ++agreement.pairs;
     agreement.contradicting += contradicts;
-    inliers += pair.inliers;
-    contradicting_inliers += contradicts ? pair.inliers : 0;
+    for (Sum* sum : {&all, &following}) {
+      if (sum == &following && std::abs(a->second.position - b->second.position) > kFollowing) continue;
+      sum->inliers += pair.inliers;
+      sum->contradicting += contradicts ? pair.inliers : 0;
+    }
   }
-  if (inliers > 0) agreement.contradicting_share = contradicting_inliers / inliers;
+  agreement.contradicting_share = all.Share();
+  agreement.following_contradicting_share = following.Share();
   return agreement;
 }
 

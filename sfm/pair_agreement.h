@@ -17,6 +17,9 @@ struct PairAgreement {
   // Inliers of the contradicting pairs over those of all pairs. Weighted, because repeated texture makes weak
   // wrong pairs in good captures, too: 17 % of the pairs but 7 % of the inliers in one of 50 photos.
   double contradicting_share = 0;
+  // The same among pairs of following pictures: at most 3 apart in the order of the names. People walk, so
+  // these overlap in truth.
+  double following_contradicting_share = 0;
 };
 
 // names[i] is the picture of features[i]; frames of the scene carry the picture's name. With unit rays a and

@@ -159,7 +159,7 @@ class Session {
   // Where pairs contradict the model, places that look alike may have been taken for one. Neighbours in the
   // order of the pictures are the pairs least likely to be mistaken.
   void ResolveContradictions(std::vector<PairMatches> matches) {
-    if (best_->models.empty() || Agreement().contradicting_share <= kMaxContradictingShare) return;
+    if (best_->models.empty() || !Contradicts()) return;
     decide_(Contradiction() + "; trying again with following pictures only");
     std::erase_if(matches, [](const PairMatches& pair) { return pair.b - pair.a > kOrderOverlap; });
     Try(std::move(matches), false, true);
@@ -235,7 +235,7 @@ class Session {
       if (registered.count(picture.name) > 0) continue;
       result_.unregistered.push_back({picture.name, UnregisteredCause(picture.name, best_->evidence)});
     }
-    if (Agreement().contradicting_share > kMaxContradictingShare) {
+    if (Contradicts()) {
       Refuse("no consistent model: " + Contradiction() +
              "; the scene repeats itself or moves: mask what moves, or take pictures in closer order");
     }
@@ -271,11 +271,18 @@ class Session {
         best_->models.front().scene, views_.names, views_.features, best_->evidence.pairs);
   }
 
+  bool Contradicts() const {
+    const PairAgreement agreement = Agreement();
+    return std::max(agreement.contradicting_share, agreement.following_contradicting_share) >
+           kMaxContradictingShare;
+  }
+
   std::string Contradiction() const {
     const PairAgreement agreement = Agreement();
-    return std::to_string(std::lround(100 * agreement.contradicting_share)) +
-           " % of the matches contradict the poses found (" + std::to_string(agreement.contradicting) +
-           " of " + std::to_string(agreement.pairs) + " pairs)";
+    return std::to_string(std::lround(100 * agreement.contradicting_share)) + " % of all matches and " +
+           std::to_string(std::lround(100 * agreement.following_contradicting_share)) +
+           " % of those between following pictures contradict the poses found (" +
+           std::to_string(agreement.contradicting) + " of " + std::to_string(agreement.pairs) + " pairs)";
   }
 
   void CountUse(double cpu_s, std::size_t peak_rss_bytes) {

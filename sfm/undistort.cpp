@@ -13,6 +13,7 @@
 #include "io/error.h"
 #include "io/image.h"
 #include "io/interrupt.h"
+#include "io/mask.h"
 
 namespace sfm {
 namespace {
@@ -70,6 +71,15 @@ io::Image Resample(const io::Image& image, const PixelMap& map) {
   return result;
 }
 
+io::Mask Resample(const io::Mask& mask, const PixelMap& map) {
+  const cv::Mat source(mask.height, mask.width, CV_8U, const_cast<std::uint8_t*>(mask.used.data()));
+  io::Mask result{map.x.cols, map.x.rows, std::vector<std::uint8_t>(map.x.total())};
+  cv::Mat target(result.height, result.width, CV_8U, result.used.data());
+  cv::remap(source, target, map.x, map.y, cv::INTER_NEAREST, cv::BORDER_CONSTANT, 0);
+  PIPELINE_CHECK(target.data == result.used.data());
+  return result;
+}
+
 // Names inside the target folder, one per frame, without repetition.
 std::vector<std::string> TargetNames(const io::Scene& scene) {
   std::vector<std::string> names;
@@ -102,6 +112,14 @@ void WriteFrame(const io::Camera& camera,
   } else {
     fs::copy_file(source, target, fs::copy_options::overwrite_existing);
   }
+}
+
+void WriteFrameMask(const io::Camera& camera,
+                    const PixelMap& map,
+                    const fs::path& source,
+                    const fs::path& target) {
+  const io::Mask mask = io::ReadMask(source, camera.width, camera.height);
+  io::WriteMask(target, camera.HasDistortion() ? Resample(mask, map) : mask);
 }
 
 }  // namespace
@@ -142,10 +160,10 @@ io::Camera PinholeCamera(const io::Camera& camera) {
           .cy = camera.height / 2.0};
 }
 
-io::Scene UndistortScene(const io::Scene& scene, const fs::path& images_folder, int threads) {
+io::Scene UndistortScene(const io::Scene& scene, const fs::path& folder, int threads) {
   io::Scene result = scene;
   std::transform(scene.cameras.begin(), scene.cameras.end(), result.cameras.begin(), PinholeCamera);
-  fs::create_directories(images_folder);
+  fs::create_directories(folder / "images");
   const std::vector<std::string> names = TargetNames(scene);
   std::atomic<std::size_t> next_frame = 0;
   std::mutex mutex;
@@ -156,15 +174,20 @@ io::Scene UndistortScene(const io::Scene& scene, const fs::path& images_folder, 
     PixelMap map;
     for (std::size_t i = next_frame++; i < scene.frames.size() && io::PendingInterrupt() == 0;
          i = next_frame++) {
-      const int index = scene.frames[i].camera_index;
+      const io::Frame& source = scene.frames[i];
+      io::Frame& target = result.frames[i];
+      const int index = source.camera_index;
       const io::Camera& camera = scene.cameras[static_cast<std::size_t>(index)];
-      result.frames[i].image_path = fs::absolute(images_folder) / names[i];
+      target.image_path = fs::absolute(folder) / "images" / names[i];
       try {
         if (camera.HasDistortion() && index != mapped_camera) {
           map = MapToPinhole(camera, result.cameras[static_cast<std::size_t>(index)]);
           mapped_camera = index;
         }
-        WriteFrame(camera, map, scene.frames[i].image_path, result.frames[i].image_path);
+        WriteFrame(camera, map, source.image_path, target.image_path);
+        if (source.mask_path.empty()) continue;
+        target.mask_path = fs::absolute(folder) / "masks" / fs::path(names[i]).replace_extension(".png");
+        WriteFrameMask(camera, map, source.mask_path, target.mask_path);
       } catch (...) {
         const std::lock_guard lock(mutex);
         if (!failure) failure = std::current_exception();

@@ -164,6 +164,10 @@ TEST(Photo, OrientationIsBakedOnce) {
     const io::Image image = io::DecodePhoto(file, 1600).image;
     ASSERT_EQ(image.width, c.transposed ? kHeight : kWidth);
     ASSERT_EQ(image.height, c.transposed ? kWidth : kHeight);
+    const io::Photo small = io::DecodePhoto(file, kWidth / 2);
+    EXPECT_EQ(small.orientation, c.orientation);
+    EXPECT_EQ(small.full_width, image.width);
+    EXPECT_EQ(small.full_height, image.height);
     const int x = c.right ? image.width - 1 : 0, y = c.bottom ? image.height - 1 : 0;
     EXPECT_EQ(std::memcmp(image.Pixel(x, y), stored.Pixel(0, 0), 3), 0) << c.orientation;
     // The stored top right corner tells mirrored from turned.

@@ -158,6 +158,39 @@ TEST_F(Transforms, WritesTheKeysThatOtherReadersNeedAndNoneThatMislead) {
     EXPECT_EQ(text.find(key), std::string::npos) << key;
 }
 
+TEST_F(Transforms, MasksComeBackAndMayBeMissingFromSomeFrames) {
+  io::WriteImage(folder_ / "masks/a.png", io::MakeImage(kWidth, kHeight, 3));
+  io::Scene scene = AwkwardScene(folder_);
+  scene.frames[0].mask_path = folder_ / "masks/a.png";
+  io::WriteTransforms(json_, scene, "");
+  EXPECT_NE(io::ReadFile(json_).find("\"mask_path\": \"masks/a.png\""), std::string::npos);
+  const io::TransformsFile file = io::ReadTransforms(json_);
+  EXPECT_TRUE(file.notes.empty()) << file.notes[0];
+  ASSERT_EQ(file.scene.frames.size(), 2u);
+  EXPECT_EQ(file.scene.frames[0].mask_path, folder_ / "masks/a.png");
+  EXPECT_EQ(file.scene.frames[1].mask_path, "");
+  scene.frames[1].mask_path = folder_.parent_path() / "outside.png";
+  EXPECT_THROW(io::WriteTransforms(json_, scene, ""), io::Error);
+}
+
+TEST_F(Transforms, EveryDialectNamesMasksAndTheirFaults) {
+  io::WriteImage(folder_ / "masks/b.png", io::MakeImage(kWidth, kHeight, 3));
+  io::WriteImage(folder_ / "masks/turned.png", io::MakeImage(kHeight, kWidth, 3));
+  for (const char* top :
+       {"\"camera_angle_x\": 0.8", "\"fl_x\": 10", "\"fl_x\": 10, \"camera_model\": \"OPENCV\""}) {
+    const io::TransformsFile file = ReadText(File(top, "", R"(, "mask_path": "masks/b.png")"));
+    EXPECT_EQ(file.scene.frames.at(0).mask_path, "") << top;
+    EXPECT_EQ(file.scene.frames.at(1).mask_path, folder_ / "masks/b.png") << top;
+  }
+  const auto refusal = [&](const std::string& path) {
+    return Refusal(File("\"fl_x\": 10", R"(, "mask_path": ")" + path + "\""));
+  };
+  EXPECT_NE(refusal("masks/gone.png").find("frames[0].mask_path: \"masks/gone.png\" does not exist"),
+            std::string::npos);
+  EXPECT_NE(refusal("masks/turned.png").find("differs in size from its picture"), std::string::npos);
+  EXPECT_NE(refusal("../b.png").find("frames[0].mask_path"), std::string::npos);
+}
+
 TEST_F(Transforms, RefusesToWriteAPictureOutsideTheFolder) {
   io::Scene scene = AwkwardScene(folder_ / "elsewhere");
   EXPECT_THROW(io::WriteTransforms(folder_ / "x/transforms.json", scene, ""), io::Error);

@@ -2,11 +2,18 @@
 // vectors.
 #include "nerf/dataset.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "io/error.h"
+#include "io/mask.h"
 #include "nerf/metrics.h"
+#include "nerf/monitor.h"
+#include "nerf/occupancy_init.h"
 #include "nerf/random.h"
+#include "nerf/ray_batch.h"
+#include "nerf/scene_field.h"
 #include "nerf/volume_rendering.h"
 #include "tests/temp_dir.h"
 
@@ -84,6 +91,186 @@ TEST(Dataset, TruthEqualsItsOwnCompositeAndNothingLikeItsColoursAlone) {
   io::Image dropped = io::MakeImage(16, 16, 3);
   for (std::size_t i = 0; i < dropped.data.size(); ++i) dropped.data[i] = image.data[i / 3 * 4 + i % 3];
   EXPECT_LT(PsnrFromMse(MeanSquaredError(truth, dropped)), 3);
+}
+
+// Views of 20 x 15 pixels whose colours say which pixel of which view they are.
+io::Image Numbered(int view) {
+  io::Image image = io::MakeImage(20, 15, 3);
+  for (int i = 0; i < 300; ++i) {
+    image.data[static_cast<std::size_t>(3 * i)] = static_cast<std::uint8_t>(i % 256);
+    image.data[static_cast<std::size_t>(3 * i) + 1] = static_cast<std::uint8_t>(i / 256);
+    image.data[static_cast<std::size_t>(3 * i) + 2] = static_cast<std::uint8_t>(view);
+  }
+  return image;
+}
+
+// The first view has a mask with holes at both ends and within rows, the second none, the third one pixel.
+struct MaskedViews {
+  MaskedViews() : scene(SceneOf({dir / "0.png", dir / "1.png", dir / "2.png"}, 20, 15)) {
+    for (int v = 0; v < 3; ++v)
+      io::WriteImage(scene.frames[static_cast<std::size_t>(v)].image_path, Numbered(v));
+    for (std::size_t i = 0; i < 300; ++i) masks[0].used[i] = i >= 7 && i < 290 && i % 5 != 0 ? 255 : 0;
+    masks[2].used[299] = 255;
+    for (const std::size_t v : {std::size_t{0}, std::size_t{2}}) {
+      scene.frames[v].mask_path = dir / ("mask" + std::to_string(v) + ".png");
+      io::WriteMask(scene.frames[v].mask_path, masks[v]);
+    }
+  }
+  // By the number of the pixel in the data set.
+  bool Uses(std::size_t pixel) const { return pixel / 300 == 1 || masks[pixel / 300].Uses(pixel % 300); }
+
+  TempDir dir;
+  io::Scene scene;
+  std::array<io::Mask, 3> masks = {io::Mask{20, 15, std::vector<std::uint8_t>(300, 0)},
+                                   io::Mask{20, 15, std::vector<std::uint8_t>(300, 0)},
+                                   io::Mask{20, 15, std::vector<std::uint8_t>(300, 0)}};
+};
+
+TEST(Dataset, RanksCountTheUsedPixelsInOrder) {
+  const MaskedViews views;
+  const Dataset dataset = LoadDataset(views.scene, 2);
+  std::size_t rank = 0;
+  for (std::size_t pixel = 0; pixel < 900; ++pixel) {
+    if (!views.Uses(pixel)) continue;
+    ASSERT_LT(rank, dataset.n_used());
+    EXPECT_EQ(dataset.UsedPixel(rank), pixel);
+    ++rank;
+  }
+  EXPECT_EQ(rank, dataset.n_used());
+  EXPECT_EQ(rank, 227u + 300 + 1);
+}
+
+TEST(Dataset, WithoutMasksOrWithWhiteOnesEveryPixelIsItsOwnRank) {
+  MaskedViews views;
+  for (const bool white : {false, true}) {
+    for (io::Frame& frame : views.scene.frames) {
+      frame.mask_path = white ? views.dir / "white.png" : std::filesystem::path();
+      if (white) io::WriteMask(frame.mask_path, {20, 15, std::vector<std::uint8_t>(300, 255)});
+    }
+    const Dataset dataset = LoadDataset(views.scene, 1);
+    EXPECT_EQ(dataset.runs.empty(), !white);
+    ASSERT_EQ(dataset.n_used(), 900u);
+    for (std::size_t rank = 0; rank < 900; ++rank) EXPECT_EQ(dataset.UsedPixel(rank), rank);
+  }
+}
+
+TEST(Dataset, NothingIsKnownToBeEmptyWhereAMaskUsesNothing) {
+  const TempDir dir;
+  const io::Image image = GradedAlpha();
+  io::WriteImage(dir / "a.png", image);
+  io::Mask mask{16, 16, std::vector<std::uint8_t>(256, 255)};
+  mask.used[3] = mask.used[200] = 0;
+  io::WriteMask(dir / "mask.png", mask);
+  io::Scene scene = SceneOf({dir / "a.png"}, 16, 16);
+  scene.frames[0].mask_path = dir / "mask.png";
+  const Dataset dataset = LoadDataset(scene, 1);
+  for (std::size_t i = 0; i < 256; ++i)
+    EXPECT_EQ(dataset.pixels[4 * i + 3], mask.Uses(i) ? image.data[4 * i + 3] : 255) << i;
+}
+
+TEST(Dataset, MasksThatDoNotFitAreNamed) {
+  const MaskedViews views;
+  io::WriteMask(views.scene.frames[0].mask_path, {15, 20, std::vector<std::uint8_t>(300, 255)});
+  EXPECT_ERROR(LoadDataset(views.scene, 1), io::ExitCode::kBadInput, "mask0.png: the mask is 15x20");
+}
+
+// Rays tell by their colour which pixel they go through.
+TEST(DrawRays, ComeFromUsedPixelsAloneAndFromAllOfThemAlike) {
+  const MaskedViews views;
+  const Dataset dataset = LoadDataset(views.scene, 1);
+  const SpaceMap map = {{0, 0, 0}, 1.5f, true};
+  const OccupancyGrid grid(64, map);
+  const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+  constexpr int kRays = 100000, kShards = 16;
+  const BatchPlan plan{.seed = 5, .step = 9, .n_rays = kRays, .n_shards = kShards};
+  std::vector<int> counts(900, 0);
+  int n_rays = 0;
+  for (int shard = 0; shard < kShards; ++shard) {
+    RayBatch batch;
+    DrawRays(dataset, sampler, plan, shard, &batch);
+    for (const BatchRay& ray : batch.rays) {
+      const auto level = [&](int c) { return std::lround(255 * ray.target.premultiplied[c]); };
+      const auto pixel = static_cast<std::size_t>(300 * level(2) + 256 * level(1) + level(0));
+      ASSERT_TRUE(views.Uses(pixel)) << pixel;
+      const Ray through = dataset.views[pixel / 300].camera.RayThrough(static_cast<int>(pixel % 300 % 20),
+                                                                       static_cast<int>(pixel % 300 / 20));
+      for (int i = 0; i < 3; ++i) ASSERT_EQ(ray.ray.direction[i], through.direction[i]) << pixel;
+      ++counts[pixel];
+      ++n_rays;
+    }
+  }
+  EXPECT_EQ(n_rays, kRays);
+  // Pearson's chi-square with 527 degrees of freedom has mean 527 and standard deviation sqrt(2 * 527); five
+  // of them are passed by chance once in 10^6 seeds.
+  const double expected = kRays / 528.0;
+  double chi2 = 0;
+  for (std::size_t pixel = 0; pixel < 900; ++pixel) {
+    if (views.Uses(pixel)) chi2 += (counts[pixel] - expected) * (counts[pixel] - expected) / expected;
+  }
+  EXPECT_NEAR(chi2, 527, 5 * std::sqrt(2 * 527.0));
+}
+
+// Two views along +z and -z whose masks use the left half of what each sees, which is one half of the space.
+TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
+  const TempDir dir;
+  io::Mask left{20, 20, {}};
+  for (int i = 0; i < 400; ++i) left.used.push_back(i % 20 < 10 ? 255 : 0);
+  io::Mask right = left;
+  std::reverse(right.used.begin(), right.used.end());
+  io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
+  io::WriteMask(dir / "left.png", left);
+  io::WriteMask(dir / "right.png", right);
+  io::Scene scene = SceneOf({dir / "a.png", dir / "a.png"}, 20, 20);
+  scene.frames[0].world_from_cam.translation.z() = 4;
+  scene.frames[1].world_from_cam.translation.z() = -4;
+  scene.frames[1].world_from_cam.rotation.diagonal() << -1, 1, -1;  // its left is the first one's right
+  const SpaceMap map = {{0, 0, 0}, 1, false};
+  Workers workers(2);
+  const auto candidates = [&](const char* first, const char* second) {
+    scene.frames[0].mask_path = *first ? dir / first : std::filesystem::path();
+    scene.frames[1].mask_path = *second ? dir / second : std::filesystem::path();
+    OccupancyGrid grid(64, map);
+    CarveByFrusta(scene, LoadDataset(scene, 1), map, 0.1, &workers, &grid);
+    int n = 0;
+    for (const std::uint32_t cell : grid.Candidates()) {
+      EXPECT_LT(grid.CellCentre(cell)[0], *first ? 0.5f + 1.f / 64 : 1.f);  // the masks' edge, and a cell
+      ++n;
+    }
+    return n;
+  };
+  const int all = candidates("", "");
+  EXPECT_GT(all, 200000);
+  // Both use x < 0: half of the cells and the layer on the edge.
+  EXPECT_NEAR(candidates("left.png", "right.png"), all / 2, 64 * 64 + 1);
+  // One uses x < 0, the other x > 0: no more than the layers on the edge are seen twice.
+  EXPECT_LE(candidates("left.png", "left.png"), 2 * 64 * 64);
+}
+
+TEST(Monitor, JudgesUsedPixelsAlone) {
+  MaskedViews views;
+  // Used pixels of one colour, the others of another.
+  for (std::size_t v = 0; v < 3; ++v) {
+    io::Image image = io::MakeImage(20, 15, 3);
+    for (std::size_t i = 0; i < image.data.size(); ++i)
+      image.data[i] = views.Uses(300 * v + i / 3) ? 200 : static_cast<std::uint8_t>(i % 100);
+    io::WriteImage(views.scene.frames[v].image_path, image);
+  }
+  EXPECT_NEAR(ConstantSquaredError(LoadDataset(views.scene, 1), 0.5), 0, 1e-12);
+  Workers workers(1);
+  const Dataset dataset = LoadDataset(views.scene, 1);
+  views.scene.aabb = {Eigen::Vector3d::Constant(-1), Eigen::Vector3d::Constant(1)};
+  for (io::Frame& frame : views.scene.frames) frame.world_from_cam.translation.z() = 4;
+  std::string derivation;
+  const auto field = MakeSceneField(
+      views.scene, dataset, {.log2_hashmap_size = 10, .grid_resolution = 64}, 1, &workers, &derivation);
+  const double masked = HeldoutMonitor(views.scene, 1, 0.5).Psnr(*field, &workers);
+  for (const io::Frame& frame : views.scene.frames) {
+    io::Image image = io::MakeImage(20, 15, 3);
+    std::fill(image.data.begin(), image.data.end(), std::uint8_t{200});
+    io::WriteImage(frame.image_path, image);
+  }
+  EXPECT_EQ(HeldoutMonitor(views.scene, 1, 0.5).Psnr(*field, &workers), masked);
+  EXPECT_TRUE(std::isfinite(masked));
 }
 
 // N11: C + T b = rgb a + (1 - a) b, with C premultiplied, is what both losses and the pictures mean.

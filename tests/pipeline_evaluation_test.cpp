@@ -11,6 +11,7 @@
 
 #include "io/atomic_file.h"
 #include "io/error.h"
+#include "io/mask.h"
 #include "nerf/metrics.h"
 #include "pipeline/stages.h"
 #include "tests/sphere_field.h"
@@ -133,6 +134,48 @@ TEST_F(EvaluationTest, FinishedRendersAreKept) {
   field.n_renders = 0;
   pipeline::RenderViews(field, scene_, folder_, 1);
   EXPECT_EQ(field.n_renders, 1);
+}
+
+TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInStrips) {
+  // Truths are spoiled left of column 15; the masks use what lies right of column 30, out of reach of SSIM's
+  // and FLIP's windows. The last view has no mask and is whole.
+  io::Mask mask{60, 44, {}};
+  for (int i = 0; i < 60 * 44; ++i) mask.used.push_back(i % 60 >= 30 ? 255 : 0);
+  io::WriteMask(folder_ / "mask.png", mask);
+  for (std::size_t v = 0; v < 3; ++v) {
+    io::Frame& frame = scene_.frames[v];
+    io::Image spoiled = io::ReadImage(frame.image_path);
+    for (std::size_t i = 0; i < spoiled.data.size(); ++i) {
+      if (i / 3 % 60 < 15) spoiled.data[i] = static_cast<std::uint8_t>(255 - spoiled.data[i]);
+    }
+    io::WriteImage(frame.image_path, spoiled);
+    frame.mask_path = folder_ / "mask.png";
+  }
+  const Evaluation result = Score(SphereField());
+  EXPECT_TRUE(result.masked);
+  for (const auto& view : result.views) {
+    EXPECT_TRUE(view.identical);
+    EXPECT_NEAR(view.ssim, 1, 1e-12);
+    EXPECT_EQ(view.flip, 0);
+  }
+  pipeline::WriteScores(result, "capture, masked", folder_);
+  EXPECT_EQ(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"))["masked"], true);
+  const io::Image strip = io::ReadImage(folder_ / "compare" / "01_view \"0\".png"),
+                  truth = io::ReadImage(scene_.frames[0].image_path),
+                  render = io::ReadImage(folder_ / "renders" / "view \"0\".png");
+  for (int x = 0; x < 60; ++x) {
+    const int darkening = x < 30 ? 4 : 1;
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_EQ(strip.Pixel(x, 20)[c], truth.Pixel(x, 20)[c] / darkening) << x;
+      EXPECT_EQ(strip.Pixel(68 + x, 20)[c], render.Pixel(x, 20)[c] / darkening) << x;
+    }
+  }
+  for (io::Frame& frame : scene_.frames) frame.mask_path.clear();
+  const Evaluation whole = Score(SphereField());
+  EXPECT_FALSE(whole.masked);
+  EXPECT_LT(whole.views[0].psnr_db, 30);
+  pipeline::WriteScores(whole, "capture", folder_);
+  EXPECT_FALSE(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json")).contains("masked"));
 }
 
 // N12

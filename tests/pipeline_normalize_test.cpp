@@ -11,6 +11,7 @@
 
 #include "io/atomic_file.h"
 #include "io/image.h"
+#include "io/mask.h"
 #include "io/ply.h"
 #include "io/transforms.h"
 #include "pipeline/stages.h"
@@ -99,6 +100,7 @@ TEST_F(Normalize, ForeignCaptureIsUndistortedResizedScaledAndSplit) {
   EXPECT_GT(record["coverage"], 0.98);
   EXPECT_EQ(record["held_out"], Json({"img0.png", "img8.png", "img16.png"}));
   EXPECT_EQ(record["missing_images"], Json::array());
+  EXPECT_FALSE(record.contains("masks"));
   EXPECT_TRUE(train.has_near_far);
   const double scale = record["scene_from_sfm"]["scale"];
   EXPECT_EQ(train.scene.scene_from_sfm.scale, scale);
@@ -121,6 +123,42 @@ TEST_F(Normalize, RunAgainIsUpToDateUntilAPictureChanges) {
 }
 
 // N46
+TEST_F(Normalize, MasksFollowTheirPicturesIntoBothSplits) {
+  for (const double k1 : {0.0, 0.05}) {
+    // The left half of every picture but one is used.
+    io::Scene scene = WriteCapture(in_, ".jpg", k1);
+    io::Mask mask{kWidth, kHeight, {}};
+    for (int i = 0; i < kWidth * kHeight; ++i) mask.used.push_back(i % kWidth < kWidth / 2 ? 255 : 0);
+    for (int i = 0; i < kFrames; ++i) {
+      if (i == 3) continue;
+      scene.frames[static_cast<std::size_t>(i)].mask_path = in_ / "masks" / (Name(i) + ".png");
+      io::WriteMask(in_ / "masks" / (Name(i) + ".png"), mask);
+    }
+    io::WriteTransforms(in_ / "transforms.json", scene, "points.ply");
+    ASSERT_EQ(Run({"--poses", in_.string(), "--image-size", "40"}), 0);
+    int n_masks = 0;
+    for (const std::string split : {"train", "test"}) {
+      for (const io::Frame& frame : Split(split).scene.frames) {
+        const std::string stem = frame.image_path.stem().string();
+        EXPECT_EQ(frame.mask_path, stem == "img3" ? "" : out_ / "scene/masks/images" / (stem + ".png"));
+        if (frame.mask_path.empty()) continue;
+        const io::Mask written = io::ReadMask(frame.mask_path, 40, 30);
+        for (std::size_t p = 0; p < 1200; ++p) EXPECT_EQ(written.Uses(p), p % 40 < 20) << p << " " << k1;
+        ++n_masks;
+      }
+    }
+    EXPECT_EQ(n_masks, kFrames - 1);
+    EXPECT_EQ(Record()["masks"], kFrames - 1);
+    EXPECT_NEAR(Record()["used_share"], (0.5 * (kFrames - 1) + 1) / kFrames, 1e-12);
+  }
+  const auto first = fs::last_write_time(out_ / "scene/scene.json");
+  ASSERT_EQ(Run({"--poses", in_.string(), "--image-size", "40"}), 0);
+  EXPECT_EQ(fs::last_write_time(out_ / "scene/scene.json"), first);
+  io::WriteMask(in_ / "masks/img5.png", {kWidth, kHeight, std::vector<std::uint8_t>(kWidth * kHeight, 255)});
+  ASSERT_EQ(Run({"--poses", in_.string(), "--image-size", "40"}), 0);
+  EXPECT_NE(fs::last_write_time(out_ / "scene/scene.json"), first);
+}
+
 TEST_F(Normalize, TestPicturesThatAreTrainingPicturesTooAreReported) {
   const auto warnings = [&] {
     int count = 0;

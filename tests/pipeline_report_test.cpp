@@ -312,6 +312,18 @@ TEST(Report, ShowsFiguresReasonsAndCommands) {
   EXPECT_EQ(html.find("https://"), std::string::npos);
 }
 
+TEST(Report, SaysHowMuchTheMasksLeave) {
+  const RunFolder run;
+  ASSERT_EQ(RunReport(run.path), 0);
+  EXPECT_EQ(io::ReadFile(run.path / "report.html").find("Masks of"), std::string::npos);
+  Json scene = Json::parse(io::ReadFile(run.path / "scene/scene.json"));
+  scene.update({{"masks", 17}, {"used_share", 0.4249}});
+  run.Write("scene/scene.json", scene);
+  ASSERT_EQ(RunReport(run.path), 0);
+  EXPECT_NE(io::ReadFile(run.path / "report.html").find("Masks of 17 pictures leave 42 % of all pixels"),
+            std::string::npos);
+}
+
 TEST(Report, IsWrittenAgainOnlyWhenSomethingChanged) {
   const RunFolder run;
   ASSERT_EQ(RunReport(run.path), 0);

@@ -92,6 +92,8 @@ TEST_F(FakeStages, OptionsReachTheirStagesAndAreRecorded) {
                       out,
                       "--time",
                       "20s",
+                      "--masks",
+                      "/some/masks",
                       "--max-frames=50",
                       "--frames",
                       "0:420",
@@ -111,11 +113,11 @@ TEST_F(FakeStages, OptionsReachTheirStagesAndAreRecorded) {
   const std::string end = " <--threads=2> <--force=true>\n", begin = " <--out> <" + out + ">";
   EXPECT_EQ(Log(),
             "ingest <" + (dir_ / "photos").string() + ">" + begin +
-                " <--max-frames=50> <--frames=0:420> <--max-size=800>" + end + "sfm" + begin +
-                " <--features=512>" + end + "normalize" + begin + " <--image-size=300> <--holdout-every=4>" +
-                end + "train" + begin + " <--time=20s> <--steps=9> <--seed=3>" + end + "evaluate" + begin +
-                end + "render" + begin + " <--frames=24> <--fps=12> <--depth=true>" + end + "report" + begin +
-                end);
+                " <--masks=/some/masks> <--max-frames=50> <--frames=0:420> <--max-size=800>" + end + "sfm" +
+                begin + " <--features=512>" + end + "normalize" + begin +
+                " <--image-size=300> <--holdout-every=4>" + end + "train" + begin +
+                " <--time=20s> <--steps=9> <--seed=3>" + end + "evaluate" + begin + end + "render" + begin +
+                " <--frames=24> <--fps=12> <--depth=true>" + end + "report" + begin + end);
   const Json record = Json::parse(ReadText(fs::path(out) / "run.json"));
   EXPECT_EQ(record["input"], (dir_ / "photos").string());
   EXPECT_EQ(record["options"]["seed"], (Json{{"value", 3}, {"origin", "flag"}}));
@@ -192,6 +194,9 @@ TEST_F(FakeStages, InputWithPosesEntersAtNormalize) {
                                 (dir_ / "ws/sparse/0").string() + "> <--images> <" +
                                 (dir_ / "ws/images").string() + ">\ntrain"))
       << Log();
+  EXPECT_EQ(Pipeline({"run", (dir_ / "fox").string(), "--masks", "m", "--out", (dir_ / "d").string()}), 2);
+  EXPECT_EQ(OutputLines("mask_path"), 1);
+  EXPECT_FALSE(fs::exists(dir_ / "d"));
   Pipeline({"run", (dir_ / "photos").string(), "--out", (dir_ / "c").string()});
   EXPECT_EQ(Pipeline({"run", (dir_ / "fox").string(), "--out", (dir_ / "c").string()}), 2);
   EXPECT_EQ(OutputLines("holds a run of pictures"), 1);

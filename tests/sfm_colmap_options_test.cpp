@@ -85,13 +85,13 @@ TEST(ColmapOptions, AMissingOptionIsNamedAndALongerOneIsNotTakenForIt) {
   }
 }
 
-TEST(ColmapOptions, SpeedFlagsAreThoseTheMapperLists) {
-  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper).mapper_speed,
+TEST(ColmapOptions, MapperOptionsAreThoseTheMapperLists) {
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper).mapper_options,
             (std::vector<std::string>{"--Mapper.ba_global_images_ratio", "1.5"}));
   EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38,
                                  kMatcher38,
                                  "  --Mapper.num_threads arg\n  --Mapper.ba_global_frames_ratio arg (=1.1)\n")
-                .mapper_speed,
+                .mapper_options,
             (std::vector<std::string>{"--Mapper.ba_global_frames_ratio", "1.5"}));
 }
 

@@ -7,6 +7,7 @@
 
 #include "io/error.h"
 #include "io/image.h"
+#include "io/mask.h"
 #include "temp_dir.h"
 
 namespace {
@@ -128,6 +129,16 @@ TEST(Features, NothingIsFoundBehindAMask) {
   const sfm::Features features = sfm::DetectFeatures(folder.path(), {"a.png"}, masks.path(), {})[0];
   ASSERT_GT(features.keypoints.size(), 5u);
   for (const sfm::Keypoint& k : features.keypoints) EXPECT_GT(k.x, 239) << k.y;
+}
+
+TEST(Features, APictureWithoutAMaskIsUsedWhole) {
+  TempDir folder, masks;
+  for (const char* name : {"a.jpg", "b.jpg"}) io::WriteImage(folder / name, Draw(480, 360, Spots()));
+  io::WriteMask(masks / "a.png", {480, 360, std::vector<std::uint8_t>(480 * 360, 255)});
+  const auto masked = sfm::DetectFeatures(folder.path(), {"a.jpg", "b.jpg"}, masks.path(), {}),
+             whole = sfm::DetectFeatures(folder.path(), {"a.jpg", "b.jpg"}, "", {});
+  ASSERT_GT(whole[1].keypoints.size(), 20u);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_EQ(masked[i].descriptors, whole[i].descriptors) << i;
 }
 
 TEST(Features, UnreadablePicturesAndWrongMasksAreNamed) {

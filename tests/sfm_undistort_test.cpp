@@ -9,6 +9,7 @@
 
 #include "io/error.h"
 #include "io/image.h"
+#include "io/mask.h"
 
 namespace {
 
@@ -124,6 +125,72 @@ TEST_F(Undistort, SeveralCamerasAlphaAndEqualNames) {
   const io::Image image = io::ReadImage(result.frames[1].image_path);
   ASSERT_EQ(image.channels, 4);
   EXPECT_LT(MeanDifference(image, Render(result.cameras[1], 4)), 2.0);
+}
+
+// A disc around the optical axis, by the tangents of the rays at pixel centres.
+io::Mask Disc(const io::Camera& camera, double radius) {
+  io::Mask mask{camera.width, camera.height, {}};
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const Eigen::Vector3d ray = *io::RayFromImg(camera, {x + 0.5, y + 0.5});
+      mask.used.push_back(std::hypot(ray.x(), ray.y()) < -ray.z() * radius ? 255 : 0);
+    }
+  }
+  return mask;
+}
+
+TEST_F(Undistort, MasksFollowTheirPictures) {
+  for (const double k1 : {-0.25, 0.15}) {
+    const io::Camera camera = LensCamera(k1);
+    constexpr double kRadius = 0.3;
+    io::WriteImage(folder_ / "a.jpg", Render(camera));
+    io::WriteImage(folder_ / "b.png", Render(camera));
+    io::WriteImage(folder_ / "c.png", Render(camera));
+    io::WriteMask(folder_ / "disc.png", Disc(camera, kRadius));
+    io::WriteMask(folder_ / "white.png", Disc(camera, 100));
+    const io::Scene scene{.cameras = {camera},
+                          .frames = {{.image_path = folder_ / "a.jpg", .mask_path = folder_ / "disc.png"},
+                                     {.image_path = folder_ / "b.png", .mask_path = folder_ / "white.png"},
+                                     {.image_path = folder_ / "c.png"}}};
+    const io::Scene result = sfm::UndistortScene(scene, folder_ / "out", 2);
+    EXPECT_EQ(result.frames[0].image_path, folder_ / "out/images/a.png");
+    EXPECT_EQ(result.frames[0].mask_path, folder_ / "out/masks/a.png");
+    EXPECT_EQ(result.frames[2].mask_path, "");
+    const io::Camera& pinhole = result.cameras[0];
+    const io::Mask disc = io::ReadMask(result.frames[0].mask_path, 160, 120);
+    // The nearest pixel's centre is at most 0.71 source pixels away; the lens stretches them by less than
+    // 1.3, and 1 / 130 is a pixel's tangent.
+    const double margin = 0.71 * 1.3 / 130;
+    const io::Mask inner = Disc(pinhole, kRadius - margin), outer = Disc(pinhole, kRadius + margin);
+    int n_certain = 0;
+    for (std::size_t p = 0; p < disc.used.size(); ++p) {
+      if (inner.Uses(p) != outer.Uses(p)) continue;
+      EXPECT_EQ(disc.Uses(p), inner.Uses(p)) << p;
+      ++n_certain;
+    }
+    EXPECT_GT(n_certain, 160 * 120 * 9 / 10);
+    EXPECT_EQ(io::ReadMask(result.frames[1].mask_path, 160, 120).UsedCount(), 160u * 120);
+    EXPECT_NE(Disc(camera, kRadius).used, Disc(pinhole, kRadius).used);
+  }
+}
+
+TEST_F(Undistort, MasksOfPinholePicturesStayAndWrongOnesAreNamed) {
+  const io::Camera camera{.width = 160, .height = 120, .fl_x = 130, .fl_y = 130, .cx = 70, .cy = 60};
+  io::WriteImage(folder_ / "a.jpg", Render(camera));
+  io::WriteMask(folder_ / "disc.png", Disc(camera, 0.2));
+  io::Scene scene{.cameras = {camera},
+                  .frames = {{.image_path = folder_ / "a.jpg", .mask_path = folder_ / "disc.png"}}};
+  const io::Scene result = sfm::UndistortScene(scene, folder_ / "out", 1);
+  EXPECT_EQ(io::ReadMask(result.frames[0].mask_path, 160, 120).used, Disc(camera, 0.2).used);
+  scene.frames[0].mask_path = folder_ / "small.png";
+  io::WriteMask(scene.frames[0].mask_path, {2, 1, {255, 255}});
+  try {
+    sfm::UndistortScene(scene, folder_ / "out", 1);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_NE(std::string(error.what()).find("small.png: the mask is 2x1"), std::string::npos)
+        << error.what();
+  }
 }
 
 TEST_F(Undistort, FaultsAreNamed) {
