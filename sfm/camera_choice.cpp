@@ -277,23 +277,28 @@ class Chooser {
     bool any = false;
     for (std::size_t i = 0; i < trial.cameras.size(); ++i) {
       const double sigma = trial.sigma[i][kFocal] / trial.cameras[i].fl_x;
-      if (observations_[i] == 0 || sigma <= kMaxFocalSigma) continue;
+      if (observations_[i] == 0 || !(sigma > kMaxFocalSigma)) continue;
       focal_is_free_[i] = false;
       any = true;
-      const bool known = i < options_.focal_is_known.size() && options_.focal_is_known[i];
-      decide_(
-          Format("focal length of camera %zu stays %.6g px (%s): the pictures determine it to %.2g %% only",
-                 i,
-                 split_.training.scene.cameras[i].fl_x,
-                 known ? "known" : "a guess",
-                 100 * sigma));
+      io::Camera& camera = split_.training.scene.cameras[i];
+      const double known = i < options_.known_focal_px.size() ? options_.known_focal_px[i] : 0;
+      if (known > 0) {
+        camera.fl_y *= known / camera.fl_x;
+        camera.fl_x = known;
+      }
+      decide_(Format(
+          "focal length of camera %zu is held at %.6g px (%s): the pictures determine it to %.2g %% only",
+          i,
+          camera.fl_x,
+          known > 0 ? "known" : "a guess",
+          100 * sigma));
     }
     return any;
   }
 
   const CameraChoiceOptions& options_;
   const Decide& decide_;
-  const ObservationSplit split_;
+  ObservationSplit split_;
   std::vector<int> observations_;  // per camera, of the whole model
   std::vector<bool> focal_is_free_;
   std::string fixed_model_;  // empty: by need

@@ -14,8 +14,9 @@ namespace sfm {
 
 struct CameraChoiceOptions {
   std::string camera_model = "auto";  // or COLMAP's name of the model to use
-  // Per camera: the focal length comes from the picture's metadata or the user. Empty: all are guesses.
-  std::vector<bool> focal_is_known;
+  // Per camera: the focal length in pixels from the picture's metadata or the user, 0 where unknown. Empty:
+  // all unknown.
+  std::vector<double> known_focal_px;
   std::uint64_t seed = 0;  // of the observations that are held out
 };
 
@@ -35,8 +36,9 @@ struct CameraChoice {
 // deviations; the principal point, when the error falls by more than 0.5 %, both coordinates are determined
 // to 5 px and one moves by more than 3 standard deviations. Of two steps that help, the one with the smaller
 // error is taken first: a wrong principal point can pose as distortion, and the reverse. A focal length that
-// is determined no better than 2 % keeps the value it came with. Each camera is decided for its own
-// parameters; one with fewer than 200 observations keeps the simplest model.
+// is determined no better than 2 % is held, at the known value where there is one: the mapper may have lost
+// it. Each camera is decided for its own parameters; one with fewer than 200 observations keeps the simplest
+// model.
 //
 // The input's cameras are start values; parameters that are not needed become 0, pixels square, the principal
 // point stays. decide: receives one line for every choice. Throws kUsage for an unknown camera model, and

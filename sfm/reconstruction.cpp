@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -39,9 +40,9 @@ constexpr int kRetryFeatures = 8192;
 constexpr double kGoodRegisteredShare = 0.9;
 // A model of fewer pictures is a fragment: its film would hide that the capture failed.
 constexpr double kMinRegisteredShare = 0.6;
-// Good captures reach 0.07 (repeated texture); a model folded onto itself contradicts the pairs of true
-// neighbours, which are the strongest ones.
-constexpr double kMaxContradictingShare = 0.2;
+// Good captures reach 0.07 (repeated texture far apart), and nothing between following pictures; folded
+// models begin at 0.16 and 0.19.
+constexpr double kMaxContradictingShare = 0.15, kMaxFollowingContradictingShare = 0.1;
 // Pictures before and after that still count as following when the order is all there is to rely on.
 constexpr int kOrderOverlap = 3;
 // The model COLMAP maps with when the camera model is to be found out.
@@ -251,15 +252,14 @@ class Session {
   void Adjust() {
     const Clock::time_point start = Clock::now();
     CameraChoiceOptions options{.camera_model = options_.camera_model};
-    std::set<std::string> known;
-    for (const Picture& picture : pictures_) {
-      if (picture.focal_px > 0) known.insert(picture.name);
+    std::map<std::string, double> focals;
+    for (const CameraGroup& group : views_.groups) {
+      for (const std::string& name : group.names) focals[name] = group.focal_px;
     }
-    options.focal_is_known.resize(result_.model.scene.cameras.size());
+    options.known_focal_px.resize(result_.model.scene.cameras.size());
     for (const io::Frame& frame : result_.model.scene.frames) {
-      if (known.count(frame.image_path.string()) > 0) {
-        options.focal_is_known[static_cast<std::size_t>(frame.camera_index)] = true;
-      }
+      options.known_focal_px[static_cast<std::size_t>(frame.camera_index)] =
+          focals.at(frame.image_path.string());
     }
     SetSigmas(views_.names, views_.features, &result_.model);
     result_.uncertainty = AdjustWithNeededCamera(&result_.model, options, decide_).uncertainty;
@@ -273,8 +273,8 @@ class Session {
 
   bool Contradicts() const {
     const PairAgreement agreement = Agreement();
-    return std::max(agreement.contradicting_share, agreement.following_contradicting_share) >
-           kMaxContradictingShare;
+    return agreement.contradicting_share > kMaxContradictingShare ||
+           agreement.following_contradicting_share > kMaxFollowingContradictingShare;
   }
 
   std::string Contradiction() const {

@@ -114,12 +114,14 @@ io::ColmapModel ParallelCameras(int columns, int rows, double depth, double reli
 TEST(CameraChoice, FocalLengthThatThePicturesDoNotTellIsKept) {
   io::ColmapModel line = ParallelCameras(10, 1, 2, 1.5, SmallCamera());
   line.scene.cameras[0].fl_x = line.scene.cameras[0].fl_y = 520;
-  const Result result = Choose(line, {.focal_is_known = {true}});
+  const Result result = Choose(line, {.known_focal_px = {500}});
   EXPECT_FALSE(result.choice.free[0].focal) << result.lines;
-  EXPECT_EQ(result.camera().fl_x, 520);
-  EXPECT_EQ(result.camera().fl_y, 520);
-  EXPECT_NE(result.lines.find("stays 520 px (known)"), std::string::npos) << result.lines;
-  EXPECT_NE(Choose(line).lines.find("stays 520 px (a guess)"), std::string::npos);
+  EXPECT_EQ(result.camera().fl_x, 500);
+  EXPECT_EQ(result.camera().fl_y, 500);
+  EXPECT_NE(result.lines.find("held at 500 px (known)"), std::string::npos) << result.lines;
+  const Result guess = Choose(line);
+  EXPECT_EQ(guess.camera().fl_x, 520);
+  EXPECT_NE(guess.lines.find("held at 520 px (a guess)"), std::string::npos) << guess.lines;
 }
 
 TEST(CameraChoice, NadirGridHoldsOrFindsItsDistortion) {
