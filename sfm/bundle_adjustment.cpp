@@ -9,8 +9,9 @@
 namespace sfm {
 namespace {
 
-// Up to here the dense factorisation of the reduced camera system is faster than the sparse one.
-constexpr std::size_t kMaxDenseFrames = 100;
+// Up to here the dense factorisation of the reduced camera system is faster than the sparse one: pictures
+// that surround a subject nearly all share points.
+constexpr std::size_t kMaxDenseFrames = 400;
 
 void CheckObservations(const io::ColmapModel& model) {
   for (const io::Observation& observation : model.observations) {
