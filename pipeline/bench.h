@@ -35,4 +35,13 @@ struct SweepOptions {
 // kBadInput when the folder holds no pictures or the truth cannot be read.
 void RunSweep(const SweepOptions& options);
 
+struct KernelOptions {
+  std::filesystem::path out;  // receives kernels.csv
+  int features = 4096;        // per picture
+};
+
+// Times the matching kernel of every build that this processor can run, and beside it what one core can do
+// at most; prints a table and writes kernels.csv.
+void RunKernels(const KernelOptions& options);
+
 }  // namespace pipeline

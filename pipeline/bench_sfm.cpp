@@ -12,12 +12,12 @@ int RunBenchSfm(int argc, const char* const* argv) {
     CommonOptions common;
     MatrixOptions matrix;
     SweepOptions sweep;
-    bool wants_matrix = false;
+    bool wants_matrix = false, wants_kernels = false;
     std::string cases, features = "1024,2048,4096,8192", sizes = "800,1600,0", matching = "likely,exhaustive";
     Options options("pipeline bench sfm",
-                    "Measures structure-from-motion: generated hard cases with truth, and the knobs of "
-                    "`pipeline sfm` on a folder of pictures.");
-    options.Add("out", &common.out, "folder for matrix.csv, results.csv and work_precision.svg");
+                    "Measures structure-from-motion: generated hard cases with truth, the knobs of "
+                    "`pipeline sfm` on a folder of pictures, and the matching kernel.");
+    options.Add("out", &common.out, "folder for matrix.csv, results.csv, work_precision.svg, kernels.csv");
     options.Add("threads", &common.threads, "0 = all cores");
     options.Add("matrix", &wants_matrix, "run the hard cases");
     options.Add("seeds", &matrix.seeds, "seeds per hard case");
@@ -30,13 +30,14 @@ int RunBenchSfm(int argc, const char* const* argv) {
     options.Add("sizes", &sizes, "longest side for detection [px]; 0 = full size");
     options.Add("matching", &matching, "ways of choosing pairs");
     options.Add("colmap", &sweep.colmap, "also run COLMAP's own presets");
+    options.Add("kernels", &wants_kernels, "time the matching kernel beside the processor's peak");
     if (!options.Parse(argc, argv)) return;
 
     if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline bench sfm: --out DIR is missing");
-    if (!wants_matrix && sweep.images.empty()) {
+    if (!wants_matrix && !wants_kernels && sweep.images.empty()) {
       throw io::Error(io::ExitCode::kUsage,
                       "pipeline bench sfm: nothing to measure",
-                      "Give --matrix, or --images FOLDER, or both");
+                      "Give --matrix, --images FOLDER or --kernels");
     }
     if (matrix.seeds < 1) {
       throw io::Error(io::ExitCode::kUsage,
@@ -48,6 +49,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     sweep.matching = SplitList(matching);
     matrix.out = sweep.out = common.out;
     matrix.threads = sweep.threads = ResolvedThreads(common);
+    if (wants_kernels) RunKernels({.out = common.out});
     if (wants_matrix) RunMatrix(matrix);
     if (!sweep.images.empty()) RunSweep(sweep);
   });

@@ -1,11 +1,10 @@
 #include "pipeline/report_page.h"
 
 #include <algorithm>
-#include <cstdarg>
 #include <cstdint>
-#include <cstdio>
 
 #include "io/atomic_file.h"
+#include "io/format.h"
 #include "io/image.h"
 #include "io/progress.h"
 #include "pipeline/evaluation.h"
@@ -14,19 +13,12 @@
 namespace pipeline {
 namespace {
 
+using io::Format;
+
 // Three stand beside one another on a wide screen; more pixels only make the file larger.
 constexpr int kMaxPictureWidth = 480;
 constexpr std::size_t kOpenStrips = 4;  // the others are folded away
 constexpr std::size_t kPlainRows = 12;  // longer lists are folded away
-
-[[gnu::format(printf, 1, 2)]] std::string Format(const char* format, ...) {
-  char text[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 std::string Base64(const std::string& bytes) {
   static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";

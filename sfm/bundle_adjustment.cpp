@@ -1,5 +1,6 @@
 #include "sfm/bundle_adjustment.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -39,7 +40,8 @@ class Solver {
       : model_(model),
         state_(ToBundleState(model.scene)),
         loss_(kRobustScalePx),
-        problem_(ceres::Problem::Options{.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP}) {
+        problem_(ceres::Problem::Options{.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP}),
+        lens_owners_(LensOwners(free)) {
     AddObservations();
     FixGauge();
     HoldIntrinsics(free);
@@ -60,6 +62,10 @@ class Solver {
     ceres_options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(ceres_options, &problem_, &summary);
+    for (std::size_t i = 0; i < lens_owners_.size(); ++i) {
+      state_.intrinsics[i].tail<kLensIntrinsics>() =
+          state_.intrinsics[lens_owners_[i]].tail<kLensIntrinsics>();
+    }
     if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) {
       throw io::Error(io::ExitCode::kNumeric,
                       "bundle adjustment failed: " + summary.message,
@@ -81,7 +87,8 @@ class Solver {
           &loss_,
           state_.poses[frame].data(),
           state_.points[static_cast<std::size_t>(observation.point_index)].data(),
-          state_.intrinsics[camera].data());
+          state_.intrinsics[camera].data(),
+          state_.intrinsics[lens_owners_[camera]].data() + 1);
     }
   }
 
@@ -112,29 +119,35 @@ class Solver {
 
   void HoldIntrinsics(const std::vector<FreeIntrinsics>& free) {
     for (std::size_t i = 0; i < state_.intrinsics.size(); ++i) {
-      double* const block = state_.intrinsics[i].data();
-      if (!problem_.HasParameterBlock(block)) continue;
-      const std::vector<int> held = HeldIndices(free[i]);
-      if (held.size() == kIntrinsics) {
-        problem_.SetParameterBlockConstant(block);
+      double *const focal = state_.intrinsics[i].data(), *const lens = focal + 1;
+      if (problem_.HasParameterBlock(focal) && !free[i].focal) problem_.SetParameterBlockConstant(focal);
+      if (!problem_.HasParameterBlock(lens)) continue;
+      const std::vector<int> free_indices = FreeIndices(free[i]);
+      std::vector<int> held;
+      for (int k = 1; k < kIntrinsics; ++k) {
+        if (!std::binary_search(free_indices.begin(), free_indices.end(), k)) held.push_back(k - 1);
+      }
+      if (held.size() == kLensIntrinsics) {
+        problem_.SetParameterBlockConstant(lens);
       } else if (!held.empty()) {
-        problem_.SetManifold(block, new ceres::SubsetManifold(kIntrinsics, held));
+        problem_.SetManifold(lens, new ceres::SubsetManifold(kLensIntrinsics, held));
       }
     }
   }
 
   std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirst() {
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    const auto add = [&](auto* blocks, int group) {
-      for (auto& block : *blocks) {
-        if (problem_.HasParameterBlock(block.data())) ordering->AddElementToGroup(block.data(), group);
-      }
+    const auto add = [&](double* block, int group) {
+      if (problem_.HasParameterBlock(block)) ordering->AddElementToGroup(block, group);
     };
-    add(&state_.points, 0);
-    add(&state_.poses, 1);
+    for (Eigen::Vector3d& point : state_.points) add(point.data(), 0);
+    for (PoseVector& pose : state_.poses) add(pose.data(), 1);
     // A group of their own: within a group Ceres orders blocks by address, and so by what else the heap
     // holds.
-    add(&state_.intrinsics, 2);
+    for (IntrinsicVector& intrinsics : state_.intrinsics) {
+      add(intrinsics.data(), 2);
+      add(intrinsics.data() + 1, 2);
+    }
     return ordering;
   }
 
@@ -142,6 +155,7 @@ class Solver {
   BundleState state_;
   ceres::CauchyLoss loss_;
   ceres::Problem problem_;
+  std::vector<std::size_t> lens_owners_;
 };
 
 }  // namespace

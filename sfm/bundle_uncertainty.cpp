@@ -20,14 +20,14 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Rows of one frame or camera in the reduced system, and their product with a point.
 struct Block {
   Eigen::Index offset;
-  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kIntrinsics, 3> with_point;
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kLensIntrinsics, 3> with_point;
 };
 
 class ReducedSystem {
  public:
   ReducedSystem(const io::ColmapModel& model, const std::vector<FreeIntrinsics>& free)
-      : model_(model), state_(ToBundleState(model.scene)) {
-    AssignRows(free);
+      : model_(model), free_(free), state_(ToBundleState(model.scene)), lens_owners_(LensOwners(free)) {
+    AssignRows();
     matrix_ = Eigen::MatrixXd::Zero(size_, size_);
     std::vector<std::vector<const io::Observation*>> tracks(state_.points.size());
     for (const io::Observation& observation : model.observations) {
@@ -44,11 +44,15 @@ class ReducedSystem {
     const Eigen::Index first = with_poses ? 0 : n_pose_rows_;
     const Eigen::VectorXd variances = Variances(first);
     BundleUncertainty result{.sigma0_px = sigma0_};
-    for (std::size_t i = 0; i < camera_rows_.size(); ++i) {
+    for (std::size_t i = 0; i < focal_rows_.size(); ++i) {
       IntrinsicVector sigma = IntrinsicVector::Zero();
-      for (std::size_t k = 0; k < free_indices_[i].size(); ++k) {
-        const Eigen::Index row = camera_rows_[i] - first + static_cast<Eigen::Index>(k);
-        sigma[free_indices_[i][k]] = camera_rows_[i] < 0 ? kInfinity : std::sqrt(variances[row]);
+      const auto at = [&](Eigen::Index row) {
+        return focal_rows_[i] < 0 ? kInfinity : std::sqrt(variances[row - first]);
+      };
+      if (free_[i].focal) sigma[kFocal] = at(focal_rows_[i]);
+      const std::vector<int>& lens = lens_indices_[lens_owners_[i]];
+      for (std::size_t k = 0; k < lens.size(); ++k) {
+        sigma[lens[k] + 1] = at(lens_rows_[lens_owners_[i]] + static_cast<Eigen::Index>(k));
       }
       result.intrinsics.push_back(sigma);
     }
@@ -58,24 +62,33 @@ class ReducedSystem {
 
  private:
   // Observed frames first, then the free intrinsics of observed cameras; -1 for the others.
-  void AssignRows(const std::vector<FreeIntrinsics>& free) {
+  void AssignRows() {
     frame_rows_.assign(state_.poses.size(), -1);
-    camera_rows_.assign(state_.intrinsics.size(), -1);
+    focal_rows_.assign(state_.intrinsics.size(), -1);
+    lens_rows_ = focal_rows_;
     for (const io::Observation& observation : model_.observations) {
       frame_rows_[static_cast<std::size_t>(observation.frame_index)] = 0;
     }
     for (std::size_t i = 0; i < frame_rows_.size(); ++i) {
       if (frame_rows_[i] < 0) continue;
-      camera_rows_[static_cast<std::size_t>(model_.scene.frames[i].camera_index)] = 0;
+      const auto camera = static_cast<std::size_t>(model_.scene.frames[i].camera_index);
+      focal_rows_[camera] = lens_rows_[lens_owners_[camera]] = 0;
       frame_rows_[i] = size_;
       size_ += 6;
     }
     n_pose_rows_ = size_;
-    for (std::size_t i = 0; i < camera_rows_.size(); ++i) {
-      free_indices_.push_back(FreeIndices(free[i]));
-      if (camera_rows_[i] < 0) continue;
-      camera_rows_[i] = size_;
-      size_ += static_cast<Eigen::Index>(free_indices_[i].size());
+    for (std::size_t i = 0; i < focal_rows_.size(); ++i) {
+      if (focal_rows_[i] >= 0) {
+        focal_rows_[i] = size_;
+        size_ += free_[i].focal;
+      }
+      lens_indices_.emplace_back();
+      for (const int k : FreeIndices(free_[i])) {
+        if (k != kFocal) lens_indices_[i].push_back(k - 1);
+      }
+      if (lens_rows_[i] < 0) continue;
+      lens_rows_[i] = size_;
+      size_ += static_cast<Eigen::Index>(lens_indices_[i].size());
     }
   }
 
@@ -87,13 +100,17 @@ class ReducedSystem {
       const auto frame = static_cast<std::size_t>(observation->frame_index);
       const auto point = static_cast<std::size_t>(observation->point_index);
       const auto camera = static_cast<std::size_t>(model_.scene.frames[frame].camera_index);
+      const std::size_t lens = lens_owners_[camera];
       Eigen::Vector2d residual;
       Eigen::Matrix<double, 2, 6, Eigen::RowMajor> d_pose;
       Eigen::Matrix<double, 2, 3, Eigen::RowMajor> d_point;
-      Eigen::Matrix<double, 2, kIntrinsics, Eigen::RowMajor> d_camera;
-      const double* parameters[] = {
-          state_.poses[frame].data(), state_.points[point].data(), state_.intrinsics[camera].data()};
-      double* jacobians[] = {d_pose.data(), d_point.data(), d_camera.data()};
+      Eigen::Matrix<double, 2, 1> d_focal;
+      Eigen::Matrix<double, 2, kLensIntrinsics, Eigen::RowMajor> d_lens;
+      const double* parameters[] = {state_.poses[frame].data(),
+                                    state_.points[point].data(),
+                                    state_.intrinsics[camera].data(),
+                                    state_.intrinsics[lens].data() + 1};
+      double* jacobians[] = {d_pose.data(), d_point.data(), d_focal.data(), d_lens.data()};
       ReprojectionCost(observation->xy, observation->sigma, state_.reference_rotations[frame])
           .Evaluate(parameters, residual.data(), jacobians);
       const double s = residual.squaredNorm(), w = RobustWeight(s);
@@ -101,15 +118,19 @@ class ReducedSystem {
       sum_w_ += w, sum_w2_s_ += w * w * s;
       sum_slope_ += (across + along) / 2, sum_slope2_ += (across * across + along * along) / 2;
 
-      const Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kIntrinsics> d_free =
-          d_camera(Eigen::all, free_indices_[camera]);
-      const Eigen::Index p = frame_rows_[frame], c = camera_rows_[camera], k = d_free.cols();
-      matrix_.block<6, 6>(p, p) += w * d_pose.transpose() * d_pose;
-      matrix_.block(c, p, k, 6) += w * d_free.transpose() * d_pose;
-      matrix_.block(c, c, k, k) += w * d_free.transpose() * d_free;
+      using Columns = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kLensIntrinsics>;
+      const std::pair<Eigen::Index, Columns> parts[] = {
+          {frame_rows_[frame], d_pose},
+          {focal_rows_[camera], d_focal.leftCols(free_[camera].focal)},
+          {lens_rows_[lens], d_lens(Eigen::all, lens_indices_[lens])}};
+      for (const auto& [row, d_row] : parts) {
+        for (const auto& [column, d_column] : parts) {
+          if (column > row) continue;
+          matrix_.block(row, column, d_row.cols(), d_column.cols()) += w * d_row.transpose() * d_column;
+        }
+        blocks.push_back({row, w * d_row.transpose() * d_point});
+      }
       point_block += w * d_point.transpose() * d_point;
-      blocks.push_back({p, w * d_pose.transpose() * d_point});
-      blocks.push_back({c, w * d_free.transpose() * d_point});
     }
     // V^-1 = G G^T without the directions in which the observations do not determine the point: there W is 0.
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(point_block);
@@ -197,9 +218,11 @@ class ReducedSystem {
   }
 
   const io::ColmapModel& model_;
+  const std::vector<FreeIntrinsics>& free_;
   const BundleState state_;
-  std::vector<Eigen::Index> frame_rows_, camera_rows_;
-  std::vector<std::vector<int>> free_indices_;
+  const std::vector<std::size_t> lens_owners_;
+  std::vector<Eigen::Index> frame_rows_, focal_rows_, lens_rows_;
+  std::vector<std::vector<int>> lens_indices_;  // of the free parameters
   Eigen::Index size_ = 0, n_pose_rows_ = 0;
   Eigen::MatrixXd matrix_, null_space_;
   Eigen::VectorXd scale_;

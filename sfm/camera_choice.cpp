@@ -2,23 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
-#include "io/error.h"
+#include "io/format.h"
+#include "sfm/camera_ladder.h"
 #include "sfm/observation_split.h"
 
 namespace sfm {
 namespace {
 
+using io::Format;
 using Decide = std::function<void(const std::string&)>;
 
 constexpr double kMinSignificance = 3;
-// What the faults of every lens model yield by chance is not worth its cost in poses: on a surveyed capture,
-// k1 lowered the error by 0.3 %, was 6 sigma, and moved the cameras a fifth further from the truth.
-constexpr double kMinFall = 0.01;
-// Off by 0.5 % of the picture in the same surveyed captures, the principal point cost 1.2 to 1.6 % of this
-// error, but more than half of the accuracy of the poses.
-constexpr double kMinPrincipalPointFall = 0.005;
 constexpr double kMaxPrincipalPointSigmaPx = 5;
 constexpr double kMaxFocalSigma = 0.02;  // share of the focal length; metadata is usually better than that
 constexpr int kMinCameraObservations = 200;
@@ -26,67 +21,6 @@ constexpr std::size_t kMinHeldOut = 50;  // fewer do not tell 1 %
 // Enough for a comparison at 0.5 %: the error of the adjustment is then below 0.02 %.
 constexpr double kTrialTolerance = 1e-4;
 constexpr int kTrialIterations = 50;
-
-template <typename... Arguments>
-std::string Format(const char* format, Arguments... arguments) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, arguments...);
-  return text;
-}
-
-// One enlargement of the camera model.
-struct Step {
-  std::string name, parameters;
-  FreeIntrinsics added;
-  double min_fall = kMinFall;
-};
-
-const std::vector<Step>& Ladder() {
-  static const std::vector<Step> steps = {
-      {"SIMPLE_RADIAL", "k1", {.k1 = true}},
-      {"RADIAL", "k2", {.k2 = true}},
-      {"OPENCV", "fl_y, p1, p2", {.aspect = true, .tangential = true}},
-  };
-  return steps;
-}
-
-const Step& PrincipalPointStep() {
-  static const Step step = {"", "principal point", {.principal_point = true}, kMinPrincipalPointFall};
-  return step;
-}
-
-FreeIntrinsics Union(const FreeIntrinsics& a, const FreeIntrinsics& b) {
-  return {.focal = a.focal || b.focal,
-          .aspect = a.aspect || b.aspect,
-          .principal_point = a.principal_point || b.principal_point,
-          .k1 = a.k1 || b.k1,
-          .k2 = a.k2 || b.k2,
-          .tangential = a.tangential || b.tangential};
-}
-
-// `camera` without what the model of `free` does not have.
-io::Camera Reduced(io::Camera camera, const FreeIntrinsics& free) {
-  if (!free.aspect && camera.fl_x != camera.fl_y) {
-    camera.fl_x = camera.fl_y = std::sqrt(camera.fl_x * camera.fl_y);
-  }
-  if (!free.k1) camera.k1 = 0;
-  if (!free.k2) camera.k2 = 0;
-  if (!free.tangential) camera.p1 = camera.p2 = 0;
-  return camera;
-}
-
-FreeIntrinsics FreeParametersOf(const std::string& camera_model) {
-  if (camera_model == "PINHOLE") return {.focal = true, .aspect = true};
-  FreeIntrinsics free{.focal = true};
-  if (camera_model == "SIMPLE_PINHOLE") return free;
-  for (const Step& step : Ladder()) {
-    free = Union(free, step.added);
-    if (step.name == camera_model) return free;
-  }
-  throw io::Error(io::ExitCode::kUsage,
-                  "--camera-model: '" + camera_model + "' is not supported",
-                  "Use auto, SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
-}
 
 // An adjustment of the training part with one choice of free parameters.
 struct Trial {
@@ -97,7 +31,7 @@ struct Trial {
 };
 
 struct Attempt {
-  const Step* step;
+  const CameraStep* step;
   Trial trial;
   std::vector<bool> needs;  // the cameras it is significant in
   bool helps = false;
@@ -106,15 +40,23 @@ struct Attempt {
 
 class Chooser {
  public:
-  Chooser(const io::ColmapModel& model, const CameraChoiceOptions& options, const Decide& decide)
+  // lens_of: of each camera, see FreeIntrinsics.
+  Chooser(const io::ColmapModel& model,
+          const std::vector<int>& lens_of,
+          const CameraChoiceOptions& options,
+          const Decide& decide)
       : options_(options),
         decide_(decide),
+        lens_of_(lens_of),
         split_(SplitObservations(model, options.seed)),
         observations_(model.scene.cameras.size()),
+        lens_observations_(model.scene.cameras.size()),
         focal_is_free_(model.scene.cameras.size(), true) {
     for (const io::Observation& o : model.observations) {
-      ++observations_[static_cast<std::size_t>(
-          model.scene.frames[static_cast<std::size_t>(o.frame_index)].camera_index)];
+      const auto camera =
+          static_cast<std::size_t>(model.scene.frames[static_cast<std::size_t>(o.frame_index)].camera_index);
+      ++observations_[camera];
+      ++lens_observations_[lens_of[camera] < 0 ? camera : static_cast<std::size_t>(lens_of[camera])];
     }
     if (options.camera_model == "auto" && split_.held_out.size() < kMinHeldOut) {
       fixed_model_ = model.camera_model;
@@ -133,6 +75,36 @@ class Chooser {
     return trial;
   }
 
+  // Whether a focal length per picture describes the capture better than `shared`, whose camera
+  // shared_camera[i] this chooser's camera i was split from.
+  bool OwnFocalsHelp(const Trial& shared, const std::vector<std::size_t>& shared_camera) const {
+    if (split_.held_out.size() < kMinHeldOut) return false;
+    std::vector<FreeIntrinsics> free;
+    for (std::size_t i = 0; i < lens_of_.size(); ++i) {
+      free.push_back(shared.free[shared_camera[i]]);
+      if (!free.back().focal) return false;  // what all pictures together do not tell, one does not
+      free.back().lens_of = lens_of_[i];
+    }
+    const Trial own = Run(free);
+    double squares = 0, n = 0;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      if (!std::isfinite(own.sigma[i][kFocal])) continue;
+      const double change = own.cameras[i].fl_x - shared.cameras[shared_camera[i]].fl_x;
+      squares += change * change / (own.sigma[i][kFocal] * own.sigma[i][kFocal]);
+      n += 1;
+    }
+    const double rms = n > 0 ? std::sqrt(squares / n) : 0;
+    const CameraStep& step = OwnFocalsStep();
+    const bool helps = rms > kMinSignificance && own.held_out_px < (1 - step.min_fall) * shared.held_out_px;
+    decide_(Format("%s is %s: held-out error %.4f -> %.4f px, %.1f standard deviations from the shared one",
+                   step.parameters.c_str(),
+                   helps ? "needed" : "not needed",
+                   shared.held_out_px,
+                   own.held_out_px,
+                   rms));
+    return helps;
+  }
+
  private:
   // Enlarges the camera model by the step that helps most until none does.
   Trial Climb(std::string* camera_model) const {
@@ -141,15 +113,16 @@ class Chooser {
     for (std::size_t i = 0; i < free.size(); ++i) {
       free[i] = FreeParametersOf(*camera_model);
       free[i].focal = focal_is_free_[i];
+      free[i].lens_of = lens_of_[i];
     }
     Trial trial = Run(free);
-    std::size_t rung = fixed_model_.empty() ? 0 : Ladder().size();
+    std::size_t rung = fixed_model_.empty() ? 0 : CameraLadder().size();
     std::vector<bool> on_rung = EnoughObservations();
     bool tries_principal_point = split_.held_out.size() >= kMinHeldOut, took_principal_point = false,
          climbed_later = false;
     for (;;) {
       std::vector<Attempt> attempts;
-      if (rung < Ladder().size()) attempts.push_back(Try(Ladder()[rung], on_rung, trial));
+      if (rung < CameraLadder().size()) attempts.push_back(Try(CameraLadder()[rung], on_rung, trial));
       if (tries_principal_point) attempts.push_back(Try(PrincipalPointStep(), EnoughObservations(), trial));
       Attempt* best = nullptr;
       for (Attempt& attempt : attempts) {
@@ -186,12 +159,15 @@ class Chooser {
 
   std::vector<bool> EnoughObservations() const {
     std::vector<bool> enough;
-    for (const int n : observations_) enough.push_back(n >= kMinCameraObservations);
+    for (std::size_t i = 0; i < lens_of_.size(); ++i) {
+      const int n = lens_observations_[lens_of_[i] < 0 ? i : static_cast<std::size_t>(lens_of_[i])];
+      enough.push_back(n >= kMinCameraObservations);
+    }
     return enough;
   }
 
   // Tries the step in the `eligible` cameras and keeps it in those that need it.
-  Attempt Try(const Step& step, const std::vector<bool>& eligible, const Trial& trial) const {
+  Attempt Try(const CameraStep& step, const std::vector<bool>& eligible, const Trial& trial) const {
     Attempt attempt{.step = &step, .trial = Run(Enlarged(trial, step, eligible)), .needs = eligible};
     std::vector<bool>& needs = attempt.needs;
     for (std::size_t i = 0; i < needs.size(); ++i) {
@@ -218,7 +194,7 @@ class Chooser {
   }
 
   static std::vector<FreeIntrinsics> Enlarged(const Trial& trial,
-                                              const Step& step,
+                                              const CameraStep& step,
                                               const std::vector<bool>& where) {
     std::vector<FreeIntrinsics> free = trial.free;
     for (std::size_t i = 0; i < free.size(); ++i) {
@@ -236,7 +212,7 @@ class Chooser {
     return change;
   }
 
-  bool IsSupported(const Step& step, const Trial& trial, std::size_t camera) const {
+  bool IsSupported(const CameraStep& step, const Trial& trial, std::size_t camera) const {
     const IntrinsicVector change = Change(trial, camera), &sigma = trial.sigma[camera];
     const auto significant = [&](int i) { return std::abs(change[i]) > kMinSignificance * sigma[i]; };
     if (step.added.principal_point) {
@@ -247,7 +223,7 @@ class Chooser {
     return std::all_of(added.begin(), added.end(), significant);
   }
 
-  std::string Figures(const Step& step, const Trial& trial, std::size_t camera) const {
+  std::string Figures(const CameraStep& step, const Trial& trial, std::size_t camera) const {
     static const char* const kNames[kIntrinsics] = {
         "f", "fl_y/fl_x - 1", "cx shift", "cy shift", "k1", "k2", "p1", "p2"};
     const IntrinsicVector change = Change(trial, camera);
@@ -298,22 +274,60 @@ class Chooser {
 
   const CameraChoiceOptions& options_;
   const Decide& decide_;
+  const std::vector<int> lens_of_;
   ObservationSplit split_;
-  std::vector<int> observations_;  // per camera, of the whole model
+  std::vector<int> observations_, lens_observations_;  // per camera and lens, of the whole model
   std::vector<bool> focal_is_free_;
   std::string fixed_model_;  // empty: by need
 };
+
+// Gives every picture a camera of its own, with the focal lengths of `cameras`; returns the camera it had.
+std::vector<std::size_t> SplitCameras(const std::vector<io::Camera>& cameras, io::Scene* scene) {
+  std::vector<std::size_t> shared_camera;
+  std::vector<io::Camera> own;
+  for (io::Frame& frame : scene->frames) {
+    const auto shared = static_cast<std::size_t>(frame.camera_index);
+    shared_camera.push_back(shared);
+    frame.camera_index = static_cast<int>(own.size());
+    own.push_back(scene->cameras[shared]);
+    own.back().fl_x = cameras[shared].fl_x;
+    own.back().fl_y = cameras[shared].fl_y;
+  }
+  scene->cameras = std::move(own);
+  return shared_camera;
+}
+
+// The model and the trial of the camera choice. `model` may get a camera per picture.
+Trial ChooseCamera(io::ColmapModel* model, const CameraChoiceOptions& options, const Decide& decide) {
+  Trial trial = Chooser(*model, std::vector(model->scene.cameras.size(), -1), options, decide)
+                    .Choose(&model->camera_model);
+  if (options.camera_model != "auto" || model->scene.cameras.size() == model->scene.frames.size()) {
+    return trial;
+  }
+  io::ColmapModel split = *model;
+  const std::vector<std::size_t> shared_camera = SplitCameras(trial.cameras, &split.scene);
+  CameraChoiceOptions split_options = options;
+  split_options.known_focal_px.clear();
+  std::vector<int> lens_of;
+  for (std::size_t i = 0; i < shared_camera.size(); ++i) {
+    const auto first = std::find(shared_camera.begin(), shared_camera.end(), shared_camera[i]);
+    const auto owner = static_cast<std::size_t>(first - shared_camera.begin());
+    lens_of.push_back(owner == i ? -1 : static_cast<int>(owner));
+  }
+  Chooser own(split, lens_of, split_options, decide);
+  if (!own.OwnFocalsHelp(trial, shared_camera)) return trial;
+  *model = std::move(split);
+  return own.Choose(&model->camera_model);
+}
 
 }  // namespace
 
 CameraChoice AdjustWithNeededCamera(io::ColmapModel* model,
                                     const CameraChoiceOptions& options,
                                     const Decide& decide) {
-  CameraChoice choice;
-  const Trial trial = Chooser(*model, options, decide).Choose(&choice.camera_model);
-  choice.free = trial.free;
   io::ColmapModel adjusted = *model;
-  adjusted.camera_model = choice.camera_model;
+  const Trial trial = ChooseCamera(&adjusted, options, decide);
+  CameraChoice choice{.camera_model = adjusted.camera_model, .free = trial.free};
   adjusted.scene.cameras = trial.cameras;
   choice.adjustment = AdjustBundle(&adjusted, {.free = choice.free});
   choice.uncertainty = EstimateUncertainty(adjusted, choice.free, true);

@@ -140,9 +140,11 @@ bool Colmap::Run(const Step& step) {
     peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
   }
   if (report.Ok()) return true;
-  const bool nothing = report.timed_out || (report.signal == 0 && report.exit_code == 1);
-  if (step.may_find_nothing && nothing) return false;
   const std::string tail = io::LogTail(step.log, kLogLines);
+  // Wrong options end with the same code as an empty result.
+  const bool nothing = report.timed_out || (report.signal == 0 && report.exit_code == 1 &&
+                                            tail.find("parse options") == std::string::npos);
+  if (step.may_find_nothing && nothing) return false;
   const bool out_of_memory =
       !report.timed_out && (report.signal == SIGKILL || tail.find("bad_alloc") != std::string::npos);
   if (out_of_memory) {

@@ -32,8 +32,9 @@ std::string FirstListed(const std::string& command,
 }
 
 // A final adjustment of our own follows, so the mapper only needs to keep its model from drifting: on 50
-// photos this halves its time, with the same points and the same error to 0.2 %. Tele lenses of 2 degrees
-// have 30 times the picture's side as focal length; COLMAP drops pictures beyond 10.
+// photos fewer adjustments halve its time, and ending them where a step gains less than 0.1 % (COLMAP goes on
+// to the last iteration) halves it again on 75, with the same points and the same error to 0.4 %. Tele lenses
+// of 2 degrees have 30 times the picture's side as focal length; COLMAP drops pictures beyond 10.
 std::vector<std::string> MapperOptions(const std::string& help) {
   struct Flag {
     std::initializer_list<const char*> names;
@@ -44,8 +45,10 @@ std::vector<std::string> MapperOptions(const std::string& help) {
       {{"--Mapper.ba_global_points_ratio"}, "1.5"},
       {{"--Mapper.ba_global_max_num_iterations"}, "10"},
       {{"--Mapper.ba_global_max_refinements"}, "1"},
+      {{"--Mapper.ba_global_function_tolerance"}, "1e-3"},
       {{"--Mapper.ba_local_max_num_iterations"}, "10"},
       {{"--Mapper.ba_local_max_refinements"}, "1"},
+      {{"--Mapper.ba_local_function_tolerance"}, "1e-3"},
       {{"--Mapper.max_focal_length_ratio"}, "30"},
   };
   std::vector<std::string> arguments;

@@ -3,12 +3,16 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <numbers>
 
+#include "io/format.h"
+#include "sfm/median.h"
+
 namespace sfm {
 namespace {
+
+using io::Format;
 
 // COLMAP's mapper registers a picture by at least 30 points and needs 15 inliers for a pair; a picture with
 // fewer features than this rarely gives both.
@@ -29,21 +33,6 @@ constexpr double kWideAngleDeg = 5.0;
 constexpr double kMinLineRatio = 0.02;
 // COLMAP drops observations beyond 4 px; a good model stays below 1.
 constexpr double kMaxMeanErrorPx = 3.0;
-
-template <typename... Arguments>
-std::string Format(const char* format, Arguments... arguments) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, arguments...);
-  return text;
-}
-
-template <typename T>
-T Median(std::vector<T> values) {
-  if (values.empty()) return T{};
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 int MostInliers(const std::string& name, const std::vector<VerifiedPair>& pairs) {
   int most = 0;

@@ -1,9 +1,7 @@
 #include "sfm/intrinsics.h"
 
 namespace sfm {
-namespace {
-
-std::vector<int> Indices(const FreeIntrinsics& free, bool wanted) {
+std::vector<int> FreeIndices(const FreeIntrinsics& free) {
   const bool is_free[kIntrinsics] = {free.focal,
                                      free.aspect,
                                      free.principal_point,
@@ -14,15 +12,18 @@ std::vector<int> Indices(const FreeIntrinsics& free, bool wanted) {
                                      free.tangential};
   std::vector<int> indices;
   for (int i = 0; i < kIntrinsics; ++i) {
-    if (is_free[i] == wanted) indices.push_back(i);
+    if (is_free[i]) indices.push_back(i);
   }
   return indices;
 }
 
-}  // namespace
-
-std::vector<int> FreeIndices(const FreeIntrinsics& free) { return Indices(free, true); }
-std::vector<int> HeldIndices(const FreeIntrinsics& free) { return Indices(free, false); }
+std::vector<std::size_t> LensOwners(const std::vector<FreeIntrinsics>& free) {
+  std::vector<std::size_t> owners;
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    owners.push_back(free[i].lens_of < 0 ? i : static_cast<std::size_t>(free[i].lens_of));
+  }
+  return owners;
+}
 
 IntrinsicVector ToVector(const io::Camera& c) {
   return (IntrinsicVector() << c.fl_x, c.fl_y / c.fl_x, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2).finished();

@@ -1,32 +1,22 @@
 #include "sfm/mapping_attempt.h"
 
 #include <algorithm>
-#include <chrono>
 #include <map>
 #include <set>
 
 #include "io/error.h"
+#include "io/stopwatch.h"
+#include "sfm/median.h"
 
 namespace sfm {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMinMatches = 15;  // COLMAP's --TwoViewGeometry.min_num_inliers
 constexpr int kMinSharedPictures = 3;    // three centres fix a similarity
 // Merged models may fit a little worse than the better of the two.
 constexpr double kMergedErrorGrowth = 1.1;
-
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 io::ColmapModel ReadModel(const fs::path& folder, const std::map<std::string, const Picture*>& by_name) {
   io::ColmapModel model = io::ReadColmapModel(folder);
@@ -87,24 +77,28 @@ std::vector<std::string> Names(const std::vector<Picture>& pictures) {
 }
 
 MappingAttempt Attempt(const std::vector<Picture>& pictures,
-                       const CapturedViews& views,
-                       const std::vector<PairMatches>& matches,
+                       std::shared_ptr<const CapturedViews> views,
+                       std::vector<PairMatches> matches,
                        const fs::path& images_folder,
                        const fs::path& folder,
                        bool relaxed,
                        int threads) {
   Colmap colmap(folder, threads);
+  MappingAttempt attempt{.views = std::move(views),
+                         .matches = std::move(matches),
+                         .database = colmap.database(),
+                         .log = folder / "colmap.log"};
   std::vector<PairMatches> enough;
-  std::copy_if(matches.begin(), matches.end(), std::back_inserter(enough), [](const PairMatches& pair) {
-    return pair.matches.size() >= kMinMatches;
-  });
-  MappingAttempt attempt{.database = colmap.database(), .log = folder / "colmap.log"};
-  Clock::time_point start = Clock::now();
-  colmap.VerifyMatches(views, enough);
-  attempt.verifying_s = SecondsSince(start);
-  attempt.evidence = {Summaries(views.names, views.features), ReadVerifiedPairs(colmap.database())};
+  for (const PairMatches& pair : attempt.matches) {
+    if (pair.matches.size() >= kMinMatches) enough.push_back(pair);
+  }
+  const io::Stopwatch verifying;
+  colmap.VerifyMatches(*attempt.views, enough);
+  attempt.verifying_s = verifying.seconds();
+  attempt.evidence = {Summaries(attempt.views->names, attempt.views->features),
+                      ReadVerifiedPairs(colmap.database())};
 
-  start = Clock::now();
+  const io::Stopwatch mapping;
   std::map<std::string, const Picture*> by_name;
   for (const Picture& picture : pictures) by_name[picture.name] = &picture;
   std::vector<std::pair<fs::path, io::ColmapModel>> models;
@@ -128,7 +122,7 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
     }
   }
   for (auto& [path, model] : models) attempt.models.push_back(std::move(model));
-  attempt.mapping_s = SecondsSince(start);
+  attempt.mapping_s = mapping.seconds();
   attempt.cpu_s = colmap.cpu_s();
   attempt.peak_rss_bytes = colmap.peak_rss_bytes();
   return attempt;

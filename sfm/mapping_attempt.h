@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,9 @@
 namespace sfm {
 
 struct MappingAttempt {
+  // What it was made from: a later attempt may have other keypoints.
+  std::shared_ptr<const CapturedViews> views;
+  std::vector<PairMatches> matches;
   CaptureEvidence evidence;
   std::vector<io::ColmapModel> models;  // largest first
   std::filesystem::path database, log;
@@ -32,8 +36,8 @@ std::vector<std::string> Names(const std::vector<Picture>& pictures);
 // folder: private. images_folder: see Colmap::Map. Models that share at least 3 pictures are merged when the
 // union fits as well. Pairs with fewer than 15 matches are left out, as COLMAP would.
 MappingAttempt Attempt(const std::vector<Picture>& pictures,
-                       const CapturedViews& views,
-                       const std::vector<PairMatches>& matches,
+                       std::shared_ptr<const CapturedViews> views,
+                       std::vector<PairMatches> matches,
                        const std::filesystem::path& images_folder,
                        const std::filesystem::path& folder,
                        bool relaxed,

@@ -3,15 +3,16 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "io/error.h"
+#include "io/format.h"
 
 namespace sfm {
 namespace {
 
 using io::Error;
 using io::ExitCode;
+using io::Format;
 
 constexpr double kNear = 2, kFar = 6;
 constexpr double kDistance = 0.5 * (kNear + kFar);  // of the median camera from the focus when unbounded
@@ -198,13 +199,6 @@ void ApplySimilarity(const io::Sim3d& scene_from_input, io::Scene* scene) {
     frame.world_from_cam = io::TransformPose(scene_from_input, frame.world_from_cam);
   for (io::Point3D& point : scene->points) point.xyz = scene_from_input * point.xyz;
   scene->scene_from_sfm = scene_from_input * scene->scene_from_sfm;
-}
-
-template <typename... Values>
-std::string Format(const char* format, Values... values) {
-  char text[300];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
 }
 
 // Shares of the depths, scaled, that lie in [near, far] and beyond near.

@@ -1,7 +1,6 @@
 #include "sfm/reconstruction.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -9,6 +8,7 @@
 
 #include "io/error.h"
 #include "io/progress.h"
+#include "io/stopwatch.h"
 #include "sfm/camera_choice.h"
 #include "sfm/colmap.h"
 #include "sfm/diagnosis.h"
@@ -24,7 +24,6 @@ namespace fs = std::filesystem;
 using io::Error;
 using io::ExitCode;
 using Decide = std::function<void(const std::string&)>;
-using Clock = std::chrono::steady_clock;
 
 // Matching a pair takes 14 ms of one core, verifying it 5 ms, but 70 ms where most matches are wrong: up to
 // here all pairs cost seconds. 60 photos took 125 s with all pairs, 75 photos 75 s with the likely ones.
@@ -48,10 +47,6 @@ constexpr double kMaxContradictingShare = 0.15, kMaxFollowingContradictingShare 
 constexpr int kOrderOverlap = 3;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
-
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 [[noreturn]] void Refuse(const std::string& cause) { throw Error(ExitCode::kNotReconstructible, cause); }
 
@@ -88,28 +83,31 @@ class Session {
         options_(options),
         decide_(decide) {
     CheckOptions(options);
-    views_.names = Names(pictures);
-    views_.groups = CameraGroups(pictures);
-    views_.camera_model = options.camera_model == "auto" ? kMappingModel : options.camera_model;
-    views_.features.resize(pictures.size());
-    if (n() < kMinPictures) Refuse(FailureCause({Summaries(views_.names, views_.features), {}}, 0));
+    SetFeatures(std::vector<Features>(pictures.size()));
+    if (n() < kMinPictures) Refuse(FailureCause({Summaries(views_->names, views_->features), {}}, 0));
+  }
+
+  void SetFeatures(std::vector<Features> features) {
+    views_ = std::make_shared<CapturedViews>(CapturedViews{
+        .names = Names(pictures_),
+        .groups = CameraGroups(pictures_),
+        .features = std::move(features),
+        .camera_model = options_.camera_model == "auto" ? kMappingModel : options_.camera_model});
   }
 
   void Detect(int max_features) {
-    const Clock::time_point start = Clock::now();
+    const io::Stopwatch stopwatch;
     const FeatureOptions options{
         .max_features = max_features, .max_image_size = options_.max_image_size, .threads = options_.threads};
     if (options_.detector == "colmap") {
       Colmap colmap(work_folder_ / "detection", options_.threads);
-      views_.features = colmap.ExtractFeatures(images_folder_, views_.groups, views_.names, options);
+      SetFeatures(colmap.ExtractFeatures(images_folder_, views_->groups, views_->names, options));
       CountUse(colmap.cpu_s(), colmap.peak_rss_bytes());
     } else {
-      views_.features = DetectFeatures(images_folder_, views_.names, options_.masks_folder, options);
+      SetFeatures(DetectFeatures(images_folder_, views_->names, options_.masks_folder, options));
     }
-    result_.times.features_s += SecondsSince(start);
+    result_.times.features_s += stopwatch.seconds();
   }
-
-  void SetFeatures(std::vector<Features> features) { views_.features = std::move(features); }
 
   ImagePairs ChoosePairs() {
     const bool video =
@@ -122,11 +120,11 @@ class Session {
       return AllPairs(n());
     }
     const bool sequential = way == "sequential";
-    const Clock::time_point start = Clock::now();
+    const io::Stopwatch stopwatch;
     ImagePairs pairs =
-        LikelyPairs(views_.features, sequential ? kVideoPartners : kPartners, options_.threads);
+        LikelyPairs(views_->features, sequential ? kVideoPartners : kPartners, options_.threads);
     pairs.merge(SequentialPairs(n(), sequential ? kVideoOverlap : kPhotoOverlap));
-    result_.times.matching_s += SecondsSince(start);
+    result_.times.matching_s += stopwatch.seconds();
     decide_("matching " + std::to_string(pairs.size()) + " of " + all + " pairs" +
             (sequential ? ": following frames, and loops found by a quick comparison of the largest features"
                         : ": the most alike by a quick comparison of the largest features"));
@@ -134,44 +132,40 @@ class Session {
   }
 
   std::vector<PairMatches> Match(const ImagePairs& pairs) {
-    const Clock::time_point start = Clock::now();
-    std::vector<PairMatches> matches = MatchFeatures(views_.features, pairs, options_.threads);
-    result_.times.matching_s += SecondsSince(start);
+    const io::Stopwatch stopwatch;
+    std::vector<PairMatches> matches = MatchFeatures(views_->features, pairs, options_.threads);
+    result_.times.matching_s += stopwatch.seconds();
     return matches;
   }
 
-  // Keeps the attempt when it registers more pictures than the best so far, or in any case (`always`).
-  void Try(std::vector<PairMatches> matches, bool relaxed, bool always = false) {
-    const StationaryShare stationary = RemoveStationaryMatches(views_.features, &matches);
+  // Keeps the attempt when it registers more pictures than the best so far.
+  void Try(std::vector<PairMatches> matches, bool relaxed) {
+    const StationaryShare stationary = RemoveStationaryMatches(views_->features, &matches);
     if (stationary.removed > 0) {
       decide_("removed " + std::to_string(stationary.removed) +
               " matches that stand still in the picture: in " + std::to_string(stationary.split_pairs) +
               " of " + std::to_string(stationary.pairs) +
               " pairs the subject moves against its background (turntable, watermark)");
     }
-    const fs::path folder = work_folder_ / ("attempt" + std::to_string(++n_attempts_));
-    MappingAttempt attempt =
-        Attempt(pictures_, views_, matches, images_folder_, folder, relaxed, options_.threads);
-    result_.times.verifying_s += attempt.verifying_s;
-    result_.times.mapping_s += attempt.mapping_s;
-    CountUse(attempt.cpu_s, attempt.peak_rss_bytes);
-    if (always || !best_ || attempt.Registered() > best_->Registered()) best_ = std::move(attempt);
+    MappingAttempt attempt = Map(views_, std::move(matches), relaxed);
+    if (!best_ || attempt.Registered() > best_->Registered()) best_ = std::move(attempt);
   }
 
   // Where pairs contradict the model, places that look alike may have been taken for one. Neighbours in the
   // order of the pictures are the pairs least likely to be mistaken.
-  void ResolveContradictions(std::vector<PairMatches> matches) {
+  void ResolveContradictions() {
     if (best_->models.empty() || !Contradicts()) return;
     decide_(Contradiction() + "; trying again with following pictures only");
+    std::vector<PairMatches> matches = std::move(best_->matches);
     std::erase_if(matches, [](const PairMatches& pair) { return pair.b - pair.a > kOrderOverlap; });
-    Try(std::move(matches), false, true);
+    best_ = Map(best_->views, std::move(matches), false);
   }
 
   bool Registered(double share) const { return best_->Registered() >= share * n(); }
 
   // Stronger settings, cheapest first, within a ceiling of time.
   void ClimbLadder(std::vector<PairMatches> matches, std::size_t n_pairs) {
-    const Clock::time_point start = Clock::now();
+    const io::Stopwatch stopwatch;
     const double ceiling_s = 60 * options_.retry_minutes;
     const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
     const double all_over_now =
@@ -210,7 +204,7 @@ class Session {
       if (!Registered(kMinRegisteredShare) && cause.rfind("no overlap", 0) != 0) return;
       const std::string so_far = "only " + std::to_string(best_->Registered()) + " of " +
                                  std::to_string(n()) + " pictures registered; ";
-      if (SecondsSince(start) + rung.estimate_s > ceiling_s) {
+      if (stopwatch.seconds() + rung.estimate_s > ceiling_s) {
         decide_(so_far + "not tried: " + rung.text + ", about " + io::FormatDuration(rung.estimate_s) +
                 " (--retry-minutes)");
         continue;
@@ -223,8 +217,9 @@ class Session {
   Reconstruction Finish() {
     if (!Registered(kMinRegisteredShare)) Refuse(FailureCause(best_->evidence, best_->Registered()));
     result_.model = best_->models.front();
+    RefuseUnusable();  // a degenerate model cannot be adjusted
     Adjust();
-    if (const auto cause = RefusalCause(result_.model, best_->evidence)) Refuse(*cause);
+    RefuseUnusable();
     std::string sizes;
     for (const io::ColmapModel& model : best_->models) {
       sizes += (sizes.empty() ? "" : ", ") + std::to_string(model.scene.frames.size());
@@ -250,11 +245,27 @@ class Session {
  private:
   int n() const { return static_cast<int>(pictures_.size()); }
 
+  MappingAttempt Map(std::shared_ptr<const CapturedViews> views,
+                     std::vector<PairMatches> matches,
+                     bool relaxed) {
+    const fs::path folder = work_folder_ / ("attempt" + std::to_string(++n_attempts_));
+    MappingAttempt attempt = Attempt(
+        pictures_, std::move(views), std::move(matches), images_folder_, folder, relaxed, options_.threads);
+    result_.times.verifying_s += attempt.verifying_s;
+    result_.times.mapping_s += attempt.mapping_s;
+    CountUse(attempt.cpu_s, attempt.peak_rss_bytes);
+    return attempt;
+  }
+
+  void RefuseUnusable() const {
+    if (const auto cause = RefusalCause(result_.model, best_->evidence)) Refuse(*cause);
+  }
+
   void Adjust() {
-    const Clock::time_point start = Clock::now();
+    const io::Stopwatch stopwatch;
     CameraChoiceOptions options{.camera_model = options_.camera_model};
     std::map<std::string, double> focals;
-    for (const CameraGroup& group : views_.groups) {
+    for (const CameraGroup& group : best_->views->groups) {
       for (const std::string& name : group.names) focals[name] = group.focal_px;
     }
     options.known_focal_px.resize(result_.model.scene.cameras.size());
@@ -262,14 +273,14 @@ class Session {
       options.known_focal_px[static_cast<std::size_t>(frame.camera_index)] =
           focals.at(frame.image_path.string());
     }
-    SetSigmas(views_.names, views_.features, &result_.model);
+    SetSigmas(best_->views->names, best_->views->features, &result_.model);
     result_.uncertainty = AdjustWithNeededCamera(&result_.model, options, decide_).uncertainty;
-    result_.times.adjusting_s += SecondsSince(start);
+    result_.times.adjusting_s += stopwatch.seconds();
   }
 
   PairAgreement Agreement() const {
     return CompareWithPairs(
-        best_->models.front().scene, views_.names, views_.features, best_->evidence.pairs);
+        best_->models.front().scene, best_->views->names, best_->views->features, best_->evidence.pairs);
   }
 
   bool Contradicts() const {
@@ -295,7 +306,7 @@ class Session {
   fs::path images_folder_, work_folder_;
   const ReconstructionOptions& options_;
   const Decide& decide_;
-  CapturedViews views_;
+  std::shared_ptr<const CapturedViews> views_;  // with the latest features
   std::optional<MappingAttempt> best_;
   int n_attempts_ = 0;
   Reconstruction result_;
@@ -314,7 +325,7 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
   std::vector<PairMatches> matches = session.Match(pairs);
   session.Try(matches, false);
   if (options.retry_minutes > 0) session.ClimbLadder(matches, pairs.size());
-  session.ResolveContradictions(std::move(matches));
+  session.ResolveContradictions();
   return session.Finish();
 }
 
@@ -327,7 +338,7 @@ Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,
   Session session(pictures, "", work_folder, options, decide);
   session.SetFeatures(features);
   session.Try(matches, false);
-  session.ResolveContradictions(matches);
+  session.ResolveContradictions();
   return session.Finish();
 }
 

@@ -63,7 +63,7 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
                            const ReconstructionOptions& options,
                            const std::function<void(const std::string&)>& decide);
 
-// The same from given matches on, without further attempts; of `features` only the keypoints are used.
+// The same from given matches on, without stronger settings; of `features` only the keypoints are used.
 Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,
                                   const std::vector<Features>& features,
                                   const std::vector<PairMatches>& matches,

@@ -55,31 +55,36 @@ bool ReprojectionCost::Evaluate(double const* const* parameters,
                                 double** jacobians) const {
   using Matrix23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
   const Eigen::Map<const Eigen::Vector3d> w(parameters[0]), centre(parameters[0] + 3), point(parameters[1]);
-  const double* c = parameters[2];
+  const double* lens = parameters[3];
+  const double aspect = lens[kAspect - 1], cx = lens[kCx - 1], cy = lens[kCy - 1], k1 = lens[kK1 - 1],
+               k2 = lens[kK2 - 1], p1 = lens[kP1 - 1], p2 = lens[kP2 - 1];
   const Eigen::Matrix3d rotation = RotationFromVector(w) * reference_rotation_;
   const Eigen::Vector3d x_cam = rotation * (point - centre);
 
   const double depth = -x_cam.z(), u = x_cam.x() / depth, v = -x_cam.y() / depth;
-  const double r2 = u * u + v * v, radial = 1 + r2 * (c[kK1] + r2 * c[kK2]);
-  const double du = u * radial + 2 * c[kP1] * u * v + c[kP2] * (r2 + 2 * u * u);
-  const double dv = v * radial + c[kP1] * (r2 + 2 * v * v) + 2 * c[kP2] * u * v;
-  const double f = c[kFocal] / sigma_, fl_x = f, fl_y = c[kAspect] * f, one = 1 / sigma_;
-  residuals[0] = fl_x * du + one * (c[kCx] - xy_.x());
-  residuals[1] = fl_y * dv + one * (c[kCy] - xy_.y());
+  const double r2 = u * u + v * v, radial = 1 + r2 * (k1 + r2 * k2);
+  const double du = u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u * u);
+  const double dv = v * radial + p1 * (r2 + 2 * v * v) + 2 * p2 * u * v;
+  const double f = parameters[2][0] / sigma_, fl_x = f, fl_y = aspect * f, one = 1 / sigma_;
+  residuals[0] = fl_x * du + one * (cx - xy_.x());
+  residuals[1] = fl_y * dv + one * (cy - xy_.y());
   if (!jacobians) return true;
 
   if (jacobians[2]) {
-    Eigen::Map<Eigen::Matrix<double, 2, kIntrinsics, Eigen::RowMajor>> d_intrinsics(jacobians[2]);
-    d_intrinsics << one * du, 0, one, 0, fl_x * u * r2, fl_x * u * r2 * r2, fl_x * 2 * u * v,
-        fl_x * (r2 + 2 * u * u), one * c[kAspect] * dv, f * dv, 0, one, fl_y * v * r2, fl_y * v * r2 * r2,
-        fl_y * (r2 + 2 * v * v), fl_y * 2 * u * v;
+    jacobians[2][0] = one * du;
+    jacobians[2][1] = one * aspect * dv;
+  }
+  if (jacobians[3]) {
+    Eigen::Map<Eigen::Matrix<double, 2, kLensIntrinsics, Eigen::RowMajor>> d_lens(jacobians[3]);
+    d_lens << 0, one, 0, fl_x * u * r2, fl_x * u * r2 * r2, fl_x * 2 * u * v, fl_x * (r2 + 2 * u * u),  //
+        f * dv, 0, one, fl_y * v * r2, fl_y * v * r2 * r2, fl_y * (r2 + 2 * v * v), fl_y * 2 * u * v;
   }
   // d radial / d u = d_radial * u, and the same for v.
-  const double d_radial = 2 * (c[kK1] + 2 * c[kK2] * r2);
-  const double mixed = u * v * d_radial + 2 * (c[kP1] * u + c[kP2] * v);
+  const double d_radial = 2 * (k1 + 2 * k2 * r2);
+  const double mixed = u * v * d_radial + 2 * (p1 * u + p2 * v);
   Eigen::Matrix2d d_uv;
-  d_uv << radial + u * u * d_radial + 2 * c[kP1] * v + 6 * c[kP2] * u, mixed, mixed,
-      radial + v * v * d_radial + 2 * c[kP2] * u + 6 * c[kP1] * v;
+  d_uv << radial + u * u * d_radial + 2 * p1 * v + 6 * p2 * u, mixed, mixed,
+      radial + v * v * d_radial + 2 * p2 * u + 6 * p1 * v;
   Matrix23 d_cam;  // d (u, v) / d x_cam
   d_cam << 1, 0, u, 0, -1, v;
   d_cam = (Eigen::Vector2d(fl_x, fl_y).asDiagonal() * d_uv * d_cam / depth).eval();

@@ -21,11 +21,12 @@ double RobustLoss(double squared_error);
 double RobustWeight(double squared_error);
 
 // residual = (ImgFromCam(camera, x_cam) - xy) / sigma in pixels, camera axes and distortion as in io/scene.h.
-// Parameter blocks: pose (6), point (3), intrinsics (8, Intrinsic). All Jacobians are analytic:
+// Parameter blocks: pose (6), point (3), focal length (1), lens (7, Intrinsic from kAspect on). All Jacobians
+// are analytic:
 //   d x_cam / d w = -[x_cam]x J(w), J(w) = left Jacobian of SO(3) (Sola et al., "A micro Lie theory for state
 //   estimation in robotics", 2018, equation 145);  d x_cam / d C = -R;  d x_cam / d X = R.
 // A point behind the camera is projected through the centre, as in COLMAP: a trial step may pass there.
-class ReprojectionCost final : public ceres::SizedCostFunction<2, 6, 3, kIntrinsics> {
+class ReprojectionCost final : public ceres::SizedCostFunction<2, 6, 3, 1, kLensIntrinsics> {
  public:
   ReprojectionCost(const Eigen::Vector2d& xy, double sigma, const Eigen::Matrix3d& reference_rotation)
       : xy_(xy), sigma_(sigma), reference_rotation_(reference_rotation) {}

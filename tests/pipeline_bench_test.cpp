@@ -56,6 +56,14 @@ TEST(Bench, OptionsAreChecked) {
   EXPECT_EQ(Bench({"sfm", "--out", out, "--images", out}).first, static_cast<int>(ExitCode::kBadInput));
 }
 
+TEST(Bench, KernelsAreTimedBesideThePeak) {
+  const TempDir dir;
+  ASSERT_EQ(Bench({"sfm", "--out", dir.path().string(), "--kernels"}).first, 0);
+  const std::string csv = ReadText(dir / "kernels.csv");
+  EXPECT_EQ(csv.rfind("build,features,ms,gmac_per_s,peak_gmac_per_s,share_of_peak\n", 0), 0u) << csv;
+  EXPECT_NE(csv.find("\nportable,4096,"), std::string::npos) << csv;
+}
+
 // S14 has two pictures and is refused without starting COLMAP.
 TEST(Bench, TheMatrixWritesOneLinePerRun) {
   if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";

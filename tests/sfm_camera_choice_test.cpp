@@ -158,6 +158,31 @@ TEST(CameraChoice, EachCameraIsDecidedForItself) {
   EXPECT_EQ(result.model.scene.cameras[0].k1, 0);
 }
 
+// Found where pictures were focused one by one, with the lens they share; not found where they were not.
+TEST(CameraChoice, PicturesGetFocalLengthsOfTheirOwnWhereTheyDiffer) {
+  const io::ColmapModel truth = OwnFocals(14, 150, kNoisePx, 8);
+  io::ColmapModel shared = truth;
+  shared.scene.cameras = {SmallCamera()};
+  for (io::Frame& frame : shared.scene.frames) frame.camera_index = 0;
+  const Result result = Choose(shared);
+  ASSERT_EQ(result.model.scene.cameras.size(), 14u) << result.lines;
+  for (std::size_t i = 0; i < 14; ++i) {
+    EXPECT_EQ(result.model.scene.frames[i].camera_index, static_cast<int>(i));
+    EXPECT_TRUE(result.choice.free[i].focal);
+    const double error = result.model.scene.cameras[i].fl_x - truth.scene.cameras[i].fl_x;
+    EXPECT_LT(std::abs(error), 5 * result.choice.uncertainty.intrinsics[i][sfm::kFocal]) << i;
+    EXPECT_EQ(result.model.scene.cameras[i].cx, result.model.scene.cameras[0].cx);
+    EXPECT_EQ(result.model.scene.cameras[i].k1, result.model.scene.cameras[0].k1);
+  }
+  EXPECT_LT(Compare(result.model.scene, truth.scene).rotation_deg, 0.15) << result.lines;
+
+  int stayed = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    stayed += Choose(Capture(DistortedCamera(), SmallCamera(), seed)).model.scene.cameras.size() == 1;
+  }
+  EXPECT_GE(stayed, 19);  // 95 %
+}
+
 TEST(CameraChoice, AGivenModelIsUsedAndAnUnknownOneRefused) {
   io::Camera start = SmallCamera();
   start.k1 = 0.01, start.p1 = 1e-3;

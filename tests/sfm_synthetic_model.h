@@ -38,6 +38,14 @@ inline io::Camera SmallCamera() {
   return {.width = 640, .height = 480, .fl_x = 500, .fl_y = 500, .cx = 320, .cy = 240};
 }
 
+// All parameters away from their defaults.
+inline io::Camera DistortedCamera() {
+  io::Camera camera = SmallCamera();
+  camera.fl_y = 510, camera.cx = 310, camera.k1 = -0.05, camera.k2 = 0.01, camera.p1 = 1e-3,
+  camera.p2 = -2e-3;
+  return camera;
+}
+
 // Cameras without points yet: a ring of radius 3 that looks roughly at the origin.
 inline io::ColmapModel Ring(int n_frames, const io::Camera& camera) {
   io::ColmapModel model;
@@ -81,6 +89,22 @@ inline io::ColmapModel RingModel(
     int n_frames, int n_points, const io::Camera& camera, double noise_px, std::uint64_t seed) {
   io::ColmapModel model = Ring(n_frames, camera);
   std::mt19937_64 random(seed);
+  for (int i = 0; i < n_points; ++i) AddPoint(&model, RandomVector(&random, 1.2), noise_px, &random);
+  return model;
+}
+
+// A ring whose pictures were focused one by one: a camera each, focal lengths within 3 % of 500 px, one lens.
+inline io::ColmapModel OwnFocals(int n_frames, int n_points, double noise_px, std::uint64_t seed) {
+  io::Camera camera = SmallCamera();
+  camera.cx = 305, camera.k1 = -0.05;
+  io::ColmapModel model = Ring(n_frames, camera);
+  model.scene.cameras.assign(model.scene.frames.size(), camera);
+  std::mt19937_64 random(seed);
+  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
+    const double zoom = 1 + 0.03 * (2 * Uniform(&random) - 1);
+    model.scene.frames[i].camera_index = static_cast<int>(i);
+    model.scene.cameras[i].fl_x *= zoom, model.scene.cameras[i].fl_y *= zoom;
+  }
   for (int i = 0; i < n_points; ++i) AddPoint(&model, RandomVector(&random, 1.2), noise_px, &random);
   return model;
 }
