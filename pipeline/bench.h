@@ -24,15 +24,17 @@ void RunMatrix(const MatrixOptions& options);
 
 struct SweepOptions {
   std::filesystem::path out, images, truth;  // truth may be empty
+  std::vector<int> pictures;                 // that many, evenly chosen; 0: all
   std::vector<int> features, sizes;          // sizes: longest side in pixels, 0: full size
   std::vector<std::string> matching;
   bool colmap = false;  // also COLMAP's own presets
   int threads = 1;
 };
 
-// Reconstructs the pictures of a folder once with every combination of the knobs; writes results.csv and
-// work_precision.svg and prints the table. A run that fails stays in the table with its cause. Throws
-// kBadInput when the folder holds no pictures or the truth cannot be read.
+// Reconstructs the pictures of a folder once with every combination of the knobs; writes results.csv,
+// work_precision.svg and, for several numbers of pictures, cost_growth.svg; prints the table. A run that
+// fails stays in the table with its cause. Throws kBadInput when the folder holds no pictures or the truth
+// cannot be read.
 void RunSweep(const SweepOptions& options);
 
 struct KernelOptions {

@@ -13,7 +13,8 @@ int RunBenchSfm(int argc, const char* const* argv) {
     MatrixOptions matrix;
     SweepOptions sweep;
     bool wants_matrix = false, wants_kernels = false;
-    std::string cases, features = "1024,2048,4096,8192", sizes = "800,1600,0", matching = "likely,exhaustive";
+    std::string cases, features = "1024,2048,4096,8192", sizes = "800,1600,0", matching = "likely,exhaustive",
+                       pictures = "0";
     Options options("pipeline bench sfm",
                     "Measures structure-from-motion: generated hard cases with truth, the knobs of "
                     "`pipeline sfm` on a folder of pictures, and the matching kernel.");
@@ -26,6 +27,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     options.Add("truth",
                 &sweep.truth,
                 "true poses of these pictures: a transforms.json or a folder of *.camera files (Strecha)");
+    options.Add("pictures", &pictures, "numbers of pictures, evenly chosen from the folder; 0 = all");
     options.Add("features", &features, "features per picture");
     options.Add("sizes", &sizes, "longest side for detection [px]; 0 = full size");
     options.Add("matching", &matching, "ways of choosing pairs");
@@ -44,6 +46,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
                       "--seeds: " + std::to_string(matrix.seeds) + " is not a number >= 1");
     }
     matrix.cases = SplitList(cases);
+    sweep.pictures = SplitIntegers("pictures", pictures, 0);
     sweep.features = SplitIntegers("features", features, 1);
     sweep.sizes = SplitIntegers("sizes", sizes, 0);
     sweep.matching = SplitList(matching);

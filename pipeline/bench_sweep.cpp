@@ -32,7 +32,9 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 struct Run {
   std::string method, parameters, label;  // label: in the plot
   std::string failure;                    // empty: there is a model
+  std::size_t pictures = 0;
   io::ResourceUse use;
+  sfm::ReconstructionTimes times;  // of our own runs
   double registered = 0, points = kUnknown, track_length = kUnknown, reprojection_px = kUnknown;
   sfm::PoseError error;  // where the truth is known
 };
@@ -88,51 +90,75 @@ void Measure(const std::function<io::ColmapModel(io::ResourceUse*)>& reconstruct
   }
 }
 
+// `count` of the pictures, evenly spaced; all of them for 0.
+std::vector<sfm::Picture> Choose(const std::vector<sfm::Picture>& pictures, int count) {
+  const std::size_t n = pictures.size(), wanted = static_cast<std::size_t>(count);
+  if (count == 0 || wanted >= n) return pictures;
+  std::vector<sfm::Picture> chosen;
+  for (std::size_t i = 0; i < wanted; ++i) chosen.push_back(pictures[i * n / wanted]);
+  return chosen;
+}
+
+Run RunOnce(const SweepOptions& options,
+            const std::vector<sfm::Picture>& pictures,
+            const sfm::ReconstructionOptions& settings,
+            const std::optional<io::Scene>& truth) {
+  const std::string features = std::to_string(settings.features),
+                    size = settings.max_image_size > 0 ? std::to_string(settings.max_image_size) : "full";
+  Run run{.method = "ours",
+          .parameters = "pictures=" + std::to_string(pictures.size()) + " features=" + features +
+                        " size=" + size + " matching=" + settings.matching,
+          .label = features + "/" + size + "/" + settings.matching.substr(0, 1),
+          .pictures = pictures.size()};
+  const fs::path work = options.out / "work";
+  Measure(
+      [&](io::ResourceUse* use) {
+        fs::remove_all(work);
+        const io::ResourceMeter meter;
+        try {
+          const sfm::Reconstruction found =
+              sfm::Reconstruct(pictures, options.images, work, settings, [](const std::string&) {});
+          *use = meter.Use();
+          use->peak_rss_bytes = std::max(use->peak_rss_bytes, found.peak_rss_bytes);
+          run.times = found.times;
+          return found.model;
+        } catch (...) {
+          *use = meter.Use();
+          throw;
+        }
+      },
+      truth,
+      &run);
+  fs::remove_all(work);
+  return run;
+}
+
 std::vector<Run> RunOurs(const SweepOptions& options,
                          const std::vector<sfm::Picture>& pictures,
                          const std::optional<io::Scene>& truth) {
   std::vector<Run> runs;
-  for (const std::string& matching : options.matching) {
-    for (const int size : options.sizes) {
-      for (const int features : options.features) {
-        const std::string size_text = size > 0 ? std::to_string(size) : "full";
-        Run run{.method = "ours",
-                .parameters =
-                    "features=" + std::to_string(features) + " size=" + size_text + " matching=" + matching,
-                .label = std::to_string(features) + "/" + size_text + "/" + matching.substr(0, 1)};
-        // No further attempts: they would hide what the knobs do.
-        const sfm::ReconstructionOptions settings{.features = features,
-                                                  .max_image_size = size,
-                                                  .matching = matching,
-                                                  .retry_minutes = 0,
-                                                  .threads = options.threads};
-        const fs::path work = options.out / "work";
-        Measure(
-            [&](io::ResourceUse* use) {
-              fs::remove_all(work);
-              const io::ResourceMeter meter;
-              try {
-                const sfm::Reconstruction found =
-                    sfm::Reconstruct(pictures, options.images, work, settings, [](const std::string&) {});
-                *use = meter.Use();
-                use->peak_rss_bytes = std::max(use->peak_rss_bytes, found.peak_rss_bytes);
-                return found.model;
-              } catch (...) {
-                *use = meter.Use();
-                throw;
-              }
-            },
-            truth,
-            &run);
-        fs::remove_all(work);
-        runs.push_back(std::move(run));
+  for (const int count : options.pictures) {
+    const std::vector<sfm::Picture> chosen = Choose(pictures, count);
+    for (const std::string& matching : options.matching) {
+      for (const int size : options.sizes) {
+        for (const int features : options.features) {
+          // No further attempts: they would hide what the knobs do.
+          runs.push_back(RunOnce(options,
+                                 chosen,
+                                 {.features = features,
+                                  .max_image_size = size,
+                                  .matching = matching,
+                                  .retry_minutes = 0,
+                                  .threads = options.threads},
+                                 truth));
+        }
       }
     }
   }
   return runs;
 }
 
-void PrintRuns(const std::vector<Run>& runs, std::size_t n_pictures) {
+void PrintRuns(const std::vector<Run>& runs) {
   std::printf("%-16s %-44s %8s %8s %7s %9s %8s %6s %8s %9s %9s %10s\n",
               "method",
               "parameters",
@@ -154,7 +180,7 @@ void PrintRuns(const std::vector<Run>& runs, std::size_t n_pictures) {
                 run.use.cpu_s,
                 static_cast<double>(run.use.peak_rss_bytes) / (1 << 20),
                 run.registered,
-                n_pictures,
+                run.pictures,
                 run.points,
                 run.track_length,
                 run.reprojection_px,
@@ -173,6 +199,13 @@ std::vector<BenchValue> ToValues(const std::vector<Run>& runs, const fs::path& i
     };
     add("wall", "s", run.use.wall_s);
     add("cpu", "s", run.use.cpu_s);
+    if (run.method == "ours") {
+      add("wall_features", "s", run.times.features_s);
+      add("wall_matching", "s", run.times.matching_s);
+      add("wall_verifying", "s", run.times.verifying_s);
+      add("wall_mapping", "s", run.times.mapping_s);
+      add("wall_adjusting", "s", run.times.adjusting_s);
+    }
     add("peak_rss", "byte", static_cast<double>(run.use.peak_rss_bytes));
     add("registered", "picture", run.registered);
     add("points", "point", run.points);
@@ -221,6 +254,30 @@ void WritePlot(const fs::path& path, const std::vector<Run>& runs, bool has_trut
   io::WriteFileAtomically(path, StandaloneSvg(plots));
 }
 
+// Seconds of each part against the number of pictures.
+void WriteGrowthPlot(const fs::path& path, const std::vector<Run>& runs) {
+  std::vector<PlotSeries> series;
+  const auto add = [&](const char* label, const std::function<double(const Run&)>& seconds) {
+    PlotSeries line{.label = label};
+    for (const Run& run : runs) {
+      if (run.method != "ours" || !run.failure.empty()) continue;
+      line.x.push_back(static_cast<double>(run.pictures));
+      line.y.push_back(seconds(run));
+    }
+    series.push_back(std::move(line));
+  };
+  add("whole run", [](const Run& r) { return r.use.wall_s; });
+  add("features", [](const Run& r) { return r.times.features_s; });
+  add("matching", [](const Run& r) { return r.times.matching_s; });
+  add("verifying", [](const Run& r) { return r.times.verifying_s; });
+  add("mapping", [](const Run& r) { return r.times.mapping_s; });
+  add("adjusting", [](const Run& r) { return r.times.adjusting_s; });
+  io::WriteFileAtomically(
+      path,
+      StandaloneSvg({PlotSvg(
+          series, {.x_label = "pictures", .y_label = "wall seconds", .log_y = true, .log_x = true})}));
+}
+
 }  // namespace
 
 void RunSweep(const SweepOptions& options) {
@@ -232,7 +289,7 @@ void RunSweep(const SweepOptions& options) {
   std::vector<Run> runs;
   if (options.colmap) {
     for (const ColmapPreset& preset : ColmapPresets()) {
-      Run run{.method = preset.name, .parameters = "", .label = preset.name};
+      Run run{.method = preset.name, .label = preset.name, .pictures = pictures.size()};
       if (preset.features > 0)
         run.parameters =
             "features=" + std::to_string(preset.features) + " size=" + std::to_string(preset.size);
@@ -250,9 +307,10 @@ void RunSweep(const SweepOptions& options) {
     }
   }
   for (Run& run : RunOurs(options, pictures, truth)) runs.push_back(std::move(run));
-  PrintRuns(runs, pictures.size());
+  PrintRuns(runs);
   WriteBenchTable(options.out / "results.csv", ToValues(runs, options.images));
   WritePlot(options.out / "work_precision.svg", runs, truth.has_value());
+  if (options.pictures.size() > 1) WriteGrowthPlot(options.out / "cost_growth.svg", runs);
 }
 
 }  // namespace pipeline

@@ -5,6 +5,7 @@
 
 #include "io/format.h"
 #include "sfm/camera_ladder.h"
+#include "sfm/camera_split.h"
 #include "sfm/observation_split.h"
 
 namespace sfm {
@@ -31,7 +32,7 @@ struct Trial {
 };
 
 struct Attempt {
-  const CameraStep* step;
+  std::size_t rungs;  // of the ladder; 0: the principal point
   Trial trial;
   std::vector<bool> needs;  // the cameras it is significant in
   bool helps = false;
@@ -122,8 +123,16 @@ class Chooser {
          climbed_later = false;
     for (;;) {
       std::vector<Attempt> attempts;
-      if (rung < CameraLadder().size()) attempts.push_back(Try(CameraLadder()[rung], on_rung, trial));
-      if (tries_principal_point) attempts.push_back(Try(PrincipalPointStep(), EnoughObservations(), trial));
+      if (rung < CameraLadder().size()) {
+        attempts.push_back(Try(CameraLadder()[rung], 1, on_rung, trial));
+        // A lens whose terms oppose each other shows in both or not at all.
+        if (!attempts.back().helps && rung + 1 < CameraLadder().size()) {
+          attempts.push_back(Try(Joined(CameraLadder()[rung], CameraLadder()[rung + 1]), 2, on_rung, trial));
+        }
+      }
+      if (tries_principal_point) {
+        attempts.push_back(Try(PrincipalPointStep(), 0, EnoughObservations(), trial));
+      }
       Attempt* best = nullptr;
       for (Attempt& attempt : attempts) {
         const bool better = !best || attempt.trial.held_out_px < best->trial.held_out_px;
@@ -135,12 +144,12 @@ class Chooser {
       }
       decide_(best->figures);
       trial = std::move(best->trial);
-      if (best->step == &PrincipalPointStep()) {
+      if (best->rungs == 0) {
         tries_principal_point = false, took_principal_point = true;
       } else {
-        *camera_model = best->step->name;
+        rung += best->rungs;
+        *camera_model = CameraLadder()[rung - 1].name;
         on_rung = best->needs;
-        ++rung;
         climbed_later = took_principal_point;
       }
     }
@@ -152,7 +161,7 @@ class Chooser {
     std::vector<FreeIntrinsics> free = trial.free;
     for (FreeIntrinsics& camera : free) camera.principal_point = false;
     Trial without = Run(free);
-    Attempt again = Try(PrincipalPointStep(), EnoughObservations(), without);
+    Attempt again = Try(PrincipalPointStep(), 0, EnoughObservations(), without);
     decide_(again.figures);
     return again.helps ? std::move(again.trial) : std::move(without);
   }
@@ -167,8 +176,11 @@ class Chooser {
   }
 
   // Tries the step in the `eligible` cameras and keeps it in those that need it.
-  Attempt Try(const CameraStep& step, const std::vector<bool>& eligible, const Trial& trial) const {
-    Attempt attempt{.step = &step, .trial = Run(Enlarged(trial, step, eligible)), .needs = eligible};
+  Attempt Try(const CameraStep& step,
+              std::size_t rungs,
+              const std::vector<bool>& eligible,
+              const Trial& trial) const {
+    Attempt attempt{.rungs = rungs, .trial = Run(Enlarged(trial, step, eligible)), .needs = eligible};
     std::vector<bool>& needs = attempt.needs;
     for (std::size_t i = 0; i < needs.size(); ++i) {
       needs[i] = eligible[i] && IsSupported(step, attempt.trial, i);
@@ -281,22 +293,6 @@ class Chooser {
   std::string fixed_model_;  // empty: by need
 };
 
-// Gives every picture a camera of its own, with the focal lengths of `cameras`; returns the camera it had.
-std::vector<std::size_t> SplitCameras(const std::vector<io::Camera>& cameras, io::Scene* scene) {
-  std::vector<std::size_t> shared_camera;
-  std::vector<io::Camera> own;
-  for (io::Frame& frame : scene->frames) {
-    const auto shared = static_cast<std::size_t>(frame.camera_index);
-    shared_camera.push_back(shared);
-    frame.camera_index = static_cast<int>(own.size());
-    own.push_back(scene->cameras[shared]);
-    own.back().fl_x = cameras[shared].fl_x;
-    own.back().fl_y = cameras[shared].fl_y;
-  }
-  scene->cameras = std::move(own);
-  return shared_camera;
-}
-
 // The model and the trial of the camera choice. `model` may get a camera per picture.
 Trial ChooseCamera(io::ColmapModel* model, const CameraChoiceOptions& options, const Decide& decide) {
   Trial trial = Chooser(*model, std::vector(model->scene.cameras.size(), -1), options, decide)
@@ -305,15 +301,13 @@ Trial ChooseCamera(io::ColmapModel* model, const CameraChoiceOptions& options, c
     return trial;
   }
   io::ColmapModel split = *model;
-  const std::vector<std::size_t> shared_camera = SplitCameras(trial.cameras, &split.scene);
+  for (std::size_t i = 0; i < trial.cameras.size(); ++i) {
+    split.scene.cameras[i].fl_x = trial.cameras[i].fl_x;
+    split.scene.cameras[i].fl_y = trial.cameras[i].fl_y;
+  }
+  const auto [shared_camera, lens_of] = SplitCameras(&split.scene);
   CameraChoiceOptions split_options = options;
   split_options.known_focal_px.clear();
-  std::vector<int> lens_of;
-  for (std::size_t i = 0; i < shared_camera.size(); ++i) {
-    const auto first = std::find(shared_camera.begin(), shared_camera.end(), shared_camera[i]);
-    const auto owner = static_cast<std::size_t>(first - shared_camera.begin());
-    lens_of.push_back(owner == i ? -1 : static_cast<int>(owner));
-  }
   Chooser own(split, lens_of, split_options, decide);
   if (!own.OwnFocalsHelp(trial, shared_camera)) return trial;
   *model = std::move(split);

@@ -25,6 +25,13 @@ const std::vector<CameraStep>& CameraLadder() {
   return steps;
 }
 
+CameraStep Joined(const CameraStep& first, const CameraStep& second) {
+  return {second.name,
+          first.parameters + ", " + second.parameters,
+          Union(first.added, second.added),
+          second.min_fall};
+}
+
 const CameraStep& PrincipalPointStep() {
   static const CameraStep step = {"", "principal point", {.principal_point = true}, kMinPrincipalPointFall};
   return step;

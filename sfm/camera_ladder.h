@@ -18,6 +18,9 @@ struct CameraStep {
 // SIMPLE_RADIAL, RADIAL, OPENCV: each adds to the one before, the first to SIMPLE_PINHOLE.
 const std::vector<CameraStep>& CameraLadder();
 
+// Both at once: what the second leads to.
+CameraStep Joined(const CameraStep& first, const CameraStep& second);
+
 // May be added to any of them.
 const CameraStep& PrincipalPointStep();
 

@@ -102,6 +102,14 @@ CaptureOptions Chain(CaptureOptions options, int overlap = 1) {
   return options;
 }
 
+// A model of any part, or a refusal, but no folded model.
+HardCase Repeated(const std::string& id, const std::string& title, CaptureOptions options) {
+  options.pictures = 24;
+  options.points = 800;
+  options.noise_px = kNoisePx;
+  return {id, title, options, kModelOrRefusal, 1, 0.1, 0};
+}
+
 void AddGeometry(std::vector<HardCase>* table) {
   table->insert(
       table->end(),
@@ -176,13 +184,14 @@ void AddScenes(std::vector<HardCase>* table) {
        {"S11.2", "turntable, 60 % on the backdrop", WithOutliers(overlay, 0.6), kModelOrRefusal},
        {"S12", "turntable, plain backdrop", Ring(24, 300), kModel},
        // Part of the object, or one side of it, may be delivered; a wrong one may not.
-       {"S13",
-        "box with four identical sides",
-        {.structure = Structure::kIdenticalSides, .pictures = 24, .points = 800, .noise_px = kNoisePx},
-        kModelOrRefusal,
-        1,
-        0.1,
-        0},
+       Repeated("S13.1", "box with four identical sides", {.structure = Structure::kIdenticalSides}),
+       Repeated("S13.2", "box with two identical facades", {.structure = Structure::kTwoFacades}),
+       Repeated("S13.3",
+                "walk along a tiled floor",
+                {.trajectory = Trajectory::kArc, .structure = Structure::kTiledFloor, .relief = 0.05}),
+       Repeated("S13.4",
+                "drone over a tiled floor",
+                {.trajectory = Trajectory::kNadirGrid, .structure = Structure::kTiledFloor, .relief = 0.05}),
        {"S14", "2 pictures", Arc(2, 0.2), kRefusal},
        {"S15", "3 pictures", Arc(3, 0.2), kModel, 0.2},
        {"S16.1", "chain of 4, no noise", Chain(Arc(4, 0.3, 0)), kModel, kCleanDeg, kCleanCentre},

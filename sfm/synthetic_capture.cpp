@@ -43,6 +43,12 @@ struct View {
 
 using Matches = std::vector<std::array<int, 2>>;
 
+// Whether several points have one pattern.
+bool Repeats(Structure structure) {
+  return structure == Structure::kIdenticalSides || structure == Structure::kTwoFacades ||
+         structure == Structure::kTiledFloor;
+}
+
 // How many wrong matches join `right` ones to make up `share` of the sum.
 int OutliersBeside(int right, double share) {
   return static_cast<int>(std::lround(right * share / (1 - share)));
@@ -200,9 +206,8 @@ class Generator {
   }
 
   Matches Match(const View& a, const View& b) {
-    Matches matches = options_.structure == Structure::kIdenticalSides
-                          ? MatchBySimilarLook(a, b)
-                          : MatchSamePoint(a, b, 0, a.n_main, 0, b.n_main);
+    Matches matches = Repeats(options_.structure) ? MatchBySimilarLook(a, b)
+                                                  : MatchSamePoint(a, b, 0, a.n_main, 0, b.n_main);
     if (options_.outlier_share <= 0) return matches;
     if (options_.outliers == Outliers::kUniform) {
       Misplace(&matches);

@@ -22,6 +22,7 @@ constexpr double kNodShare = 0.2;             // the same, up and down
 constexpr double kFarDistances = 1e4;         // far points differ by no measurable parallax
 constexpr double kBoxHalf = 0.65;             // so that its corners stay within radius 1
 constexpr double kSideRelief = 0.1;
+constexpr int kTiles = 6;              // along each side of the floor
 constexpr double kCorridorDepths = 3;  // behind the last camera, in viewing distances
 
 Eigen::Vector3d OnSphere(double azimuth, double elevation, double distance) {
@@ -120,19 +121,39 @@ io::Rigid3d MakePose(const CaptureOptions& options, int i, double distance, Rand
   return {};
 }
 
-// The box of kIdenticalSides, four points at a time: the same spot of each side.
-std::vector<WorldPoint> MakeIdenticalSides(int points, Random* random) {
+// A box of which `alike` sides, 4 or 2 opposite ones, look the same; four points at a time, one on each side.
+std::vector<WorldPoint> MakeBox(int points, int alike, Random* random) {
   std::vector<WorldPoint> structure;
-  for (int pattern = 0; pattern < (points + 2) / 4; ++pattern) {
-    Eigen::Vector3d on_side = InBox(random, kBoxHalf);
-    on_side.z() = kBoxHalf + random->Uniform(0, kSideRelief);
+  const int n_looks = 4 / alike;
+  for (int spot = 0; spot < (points + 2) / 4; ++spot) {
+    std::vector<Eigen::Vector3d> looks;
+    for (int look = 0; look < n_looks; ++look) {
+      looks.push_back(InBox(random, kBoxHalf));
+      looks.back().z() = kBoxHalf + random->Uniform(0, kSideRelief);
+    }
     for (int side = 0; side < 4; ++side) {
+      const int look = side % n_looks;
       const Eigen::Matrix3d world_from_side =
           Eigen::AngleAxisd(side * std::numbers::pi / 2, Eigen::Vector3d::UnitY()).toRotationMatrix();
-      structure.push_back({.xyz = world_from_side * on_side,
+      structure.push_back({.xyz = world_from_side * looks[static_cast<std::size_t>(look)],
                            .normal = world_from_side.col(2),
-                           .pattern = pattern,
+                           .pattern = spot * n_looks + look,
                            .world_from_pattern = world_from_side});
+    }
+  }
+  return structure;
+}
+
+// The same spots on every tile.
+std::vector<WorldPoint> MakeTiledFloor(const CaptureOptions& options, double distance, Random* random) {
+  const Eigen::Vector2d half = Eigen::Vector2d::Ones() + Reach(options, distance), tile = 2 * half / kTiles;
+  std::vector<WorldPoint> structure;
+  for (int pattern = 0; pattern < options.points / (kTiles * kTiles); ++pattern) {
+    const double u = random->Uniform(), v = random->Uniform();
+    const double height = options.relief * distance * random->Uniform(-1, 1);
+    for (int i = 0; i < kTiles * kTiles; ++i) {
+      const double x = tile.x() * (i % kTiles + u) - half.x(), y = tile.y() * (i / kTiles + v) - half.y();
+      structure.push_back({.xyz = {x, y, height}, .pattern = pattern});
     }
   }
   return structure;
@@ -161,6 +182,8 @@ Eigen::Vector3d MakePoint(const CaptureOptions& options, double distance, Random
     }
     case Structure::kBall:
     case Structure::kIdenticalSides:
+    case Structure::kTwoFacades:
+    case Structure::kTiledFloor:
       break;
   }
   return {x.x() * widening.x(), x.y() * widening.y(), x.z()};
@@ -189,8 +212,10 @@ std::vector<io::Rigid3d> MakeTrajectory(const CaptureOptions& options, Random* r
 }
 
 std::vector<WorldPoint> MakeStructure(const CaptureOptions& options, Random* random) {
-  if (options.structure == Structure::kIdenticalSides) return MakeIdenticalSides(options.points, random);
   const double distance = ViewingDistance(options.cameras.front());
+  if (options.structure == Structure::kIdenticalSides) return MakeBox(options.points, 4, random);
+  if (options.structure == Structure::kTwoFacades) return MakeBox(options.points, 2, random);
+  if (options.structure == Structure::kTiledFloor) return MakeTiledFloor(options, distance, random);
   const int near_points = options.points - static_cast<int>(std::lround(options.far_share * options.points));
   std::vector<WorldPoint> structure;
   for (int i = 0; i < options.points; ++i) {

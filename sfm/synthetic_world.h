@@ -23,7 +23,7 @@ double ViewingDistance(const io::Camera& camera);
 // options.duplicates + options.pictures poses, OpenGL axes, before options.scale and offset.
 std::vector<io::Rigid3d> MakeTrajectory(const CaptureOptions& options, Random* random);
 
-// options.points points (the nearest multiple of four for kIdenticalSides), before options.scale and offset.
+// options.points points (where patterns repeat, about as many), before options.scale and offset.
 std::vector<WorldPoint> MakeStructure(const CaptureOptions& options, Random* random);
 
 }  // namespace sfm
