@@ -26,7 +26,7 @@ struct SweepOptions {
   std::filesystem::path out, images, truth;  // truth may be empty
   std::vector<int> pictures;                 // that many, evenly chosen; 0: all
   std::vector<int> features, sizes;          // sizes: longest side in pixels, 0: full size
-  std::vector<std::string> matching;
+  std::vector<std::string> matching, detectors;
   bool colmap = false;  // also COLMAP's own presets
   int threads = 1;
 };

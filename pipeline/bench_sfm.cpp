@@ -14,7 +14,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     SweepOptions sweep;
     bool wants_matrix = false, wants_kernels = false;
     std::string cases, features = "1024,2048,4096,8192", sizes = "800,1600,0", matching = "likely,exhaustive",
-                       pictures = "0";
+                       pictures = "0", detectors = "opencv";
     Options options("pipeline bench sfm",
                     "Measures structure-from-motion: generated hard cases with truth, the knobs of "
                     "`pipeline sfm` on a folder of pictures, and the matching kernel.");
@@ -30,6 +30,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     options.Add("pictures", &pictures, "numbers of pictures, evenly chosen from the folder; 0 = all");
     options.Add("features", &features, "features per picture");
     options.Add("sizes", &sizes, "longest side for detection [px]; 0 = full size");
+    options.Add("detectors", &detectors, "whose SIFT: opencv, colmap");
     options.Add("matching", &matching, "ways of choosing pairs");
     options.Add("colmap", &sweep.colmap, "also run COLMAP's own presets");
     options.Add("kernels", &wants_kernels, "time the matching kernel beside the processor's peak");
@@ -50,6 +51,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     sweep.features = SplitIntegers("features", features, 1);
     sweep.sizes = SplitIntegers("sizes", sizes, 0);
     sweep.matching = SplitList(matching);
+    sweep.detectors = SplitList(detectors);
     matrix.out = sweep.out = common.out;
     matrix.threads = sweep.threads = ResolvedThreads(common);
     if (wants_kernels) RunKernels({.out = common.out});

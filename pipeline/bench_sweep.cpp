@@ -107,8 +107,9 @@ Run RunOnce(const SweepOptions& options,
                     size = settings.max_image_size > 0 ? std::to_string(settings.max_image_size) : "full";
   Run run{.method = "ours",
           .parameters = "pictures=" + std::to_string(pictures.size()) + " features=" + features +
-                        " size=" + size + " matching=" + settings.matching,
-          .label = features + "/" + size + "/" + settings.matching.substr(0, 1),
+                        " size=" + size + " matching=" + settings.matching + " detector=" + settings.detector,
+          .label = features + "/" + size + "/" + settings.matching.substr(0, 1) +
+                   (settings.detector == "opencv" ? "" : "/" + settings.detector),
           .pictures = pictures.size()};
   const fs::path work = options.out / "work";
   Measure(
@@ -137,20 +138,20 @@ std::vector<Run> RunOurs(const SweepOptions& options,
                          const std::vector<sfm::Picture>& pictures,
                          const std::optional<io::Scene>& truth) {
   std::vector<Run> runs;
+  // No further attempts: they would hide what the knobs do.
+  sfm::ReconstructionOptions settings{.retry_minutes = 0, .threads = options.threads};
   for (const int count : options.pictures) {
     const std::vector<sfm::Picture> chosen = Choose(pictures, count);
-    for (const std::string& matching : options.matching) {
-      for (const int size : options.sizes) {
-        for (const int features : options.features) {
-          // No further attempts: they would hide what the knobs do.
-          runs.push_back(RunOnce(options,
-                                 chosen,
-                                 {.features = features,
-                                  .max_image_size = size,
-                                  .matching = matching,
-                                  .retry_minutes = 0,
-                                  .threads = options.threads},
-                                 truth));
+    for (const std::string& detector : options.detectors) {
+      settings.detector = detector;
+      for (const std::string& matching : options.matching) {
+        settings.matching = matching;
+        for (const int size : options.sizes) {
+          settings.max_image_size = size;
+          for (const int features : options.features) {
+            settings.features = features;
+            runs.push_back(RunOnce(options, chosen, settings, truth));
+          }
         }
       }
     }
@@ -159,7 +160,7 @@ std::vector<Run> RunOurs(const SweepOptions& options,
 }
 
 void PrintRuns(const std::vector<Run>& runs) {
-  std::printf("%-16s %-44s %8s %8s %7s %9s %8s %6s %8s %9s %9s %10s\n",
+  std::printf("%-16s %-76s %8s %8s %7s %9s %8s %6s %8s %9s %9s %10s\n",
               "method",
               "parameters",
               "wall s",
@@ -173,7 +174,7 @@ void PrintRuns(const std::vector<Run>& runs) {
               "rot max",
               "centre %");
   for (const Run& run : runs) {
-    std::printf("%-16s %-44s %8.1f %8.1f %7.0f %4.0f/%-4zu %8.0f %6.2f %8.3f %9.4f %9.4f %10.4f %s\n",
+    std::printf("%-16s %-76s %8.1f %8.1f %7.0f %4.0f/%-4zu %8.0f %6.2f %8.3f %9.4f %9.4f %10.4f %s\n",
                 run.method.c_str(),
                 run.parameters.c_str(),
                 run.use.wall_s,

@@ -165,8 +165,10 @@ int RunSfm(int argc, const char* const* argv) {
   return GuardedMain("pipeline sfm", [&] {
     CommonOptions common;
     sfm::ReconstructionOptions settings;
-    Options options("pipeline sfm",
-                    "Finds where each picture of DIR/ingest was taken and undistorts it (COLMAP).");
+    Options options(
+        "pipeline sfm",
+        "Finds where each picture of DIR/ingest was taken (own matching, COLMAP, final adjustment) "
+        "and undistorts it.");
     AddCommonOptions(&options, &common);
     options.Add("features", &settings.features, "SIFT features per picture");
     options.Add("detect-size",

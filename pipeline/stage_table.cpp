@@ -12,7 +12,7 @@ std::span<const StageEntry> StageTable() {
        "ingest/images/ masks/ frames.json",
        RunIngest},
       {"sfm",
-       "find where each picture was taken (COLMAP)",
+       "find where each picture was taken",
        "sfm",
        "ingest/",
        "sfm/transforms.json points.ply sparse/",

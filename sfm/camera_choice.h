@@ -32,9 +32,9 @@ struct CameraChoice {
 //
 // Forward selection along SIMPLE_PINHOLE -> SIMPLE_RADIAL (k1) -> RADIAL (k2) -> OPENCV (fl_y, p1, p2), with
 // the principal point to be freed at any time. A step helps when the error of held-out observations
-// (sfm/observation_split.h) falls by more than 1 % and every new parameter exceeds 3 of its standard
+// (sfm/observation_split.h) falls by more than 0.5 % and every new parameter exceeds 3 of its standard
 // deviations. One that does not is tried together with the next: k1 and k2 of opposite signs show in both or
-// not at all. The principal point is freed when the error falls by more than 0.5 %, both coordinates are
+// not at all. The principal point is freed when the error falls by as much, both coordinates are
 // determined to 5 px and one moves by more than 3 standard deviations. Of two steps that help, the one with
 // the smaller error is taken first: a wrong principal point can pose as distortion, and the reverse. A focal
 // length that is determined no better than 2 % is held, at the known value where there is one: the mapper may
@@ -42,7 +42,7 @@ struct CameraChoice {
 // simplest model.
 //
 // Then every picture gets a focal length of its own, with the lens of its camera (FreeIntrinsics::lens_of),
-// when the held-out error falls by more than 1 % and these focal lengths lie more than 3 standard deviations
+// when the held-out error falls by more than 5 % and these focal lengths lie more than 3 standard deviations
 // (RMS) from the shared one: autofocus moves it by a few percent. The choice is then made anew, because a
 // common focal length can pose as distortion. A given camera model is used as it is, for all pictures.
 //

@@ -18,6 +18,8 @@ using io::Format;
 // fewer features than this rarely gives both.
 constexpr int kFewFeatures = 100;
 constexpr int kFewInliers = 30;
+// Where more of the pictures than this are linked by matches, lack of overlap does not explain the failure.
+constexpr double kMaxUnexplainedShare = 0.8;
 // SIFT on a sharp picture finds most features below 3 px; blur removes exactly those.
 constexpr double kBlurredScalePx = 4.0;
 // COLMAP triangulates from 1.5 degrees. Where half of all points stay this close to that limit, depth is
@@ -40,6 +42,25 @@ int MostInliers(const std::string& name, const std::vector<VerifiedPair>& pairs)
     if (pair.name_a == name || pair.name_b == name) most = std::max(most, pair.inliers);
   }
   return most;
+}
+
+// How many pictures are linked, directly or through others, to the one that is linked to most.
+int LargestLinkedGroup(const CaptureEvidence& evidence) {
+  std::map<std::string, std::string> parent;  // towards the group's representative, its own parent
+  for (const PictureFeatures& picture : evidence.features) parent[picture.name] = picture.name;
+  const auto root = [&](std::string name) {
+    while (parent[name] != name) name = parent[name] = parent[parent[name]];
+    return name;
+  };
+  for (const VerifiedPair& pair : evidence.pairs) {
+    if (pair.inliers >= kFewInliers) parent[root(pair.name_a)] = root(pair.name_b);
+  }
+  std::map<std::string, int> sizes;
+  int largest = 0;
+  for (const PictureFeatures& picture : evidence.features) {
+    largest = std::max(largest, ++sizes[root(picture.name)]);
+  }
+  return largest;
 }
 
 double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -183,12 +204,11 @@ std::string FailureCause(const CaptureEvidence& evidence, int registered) {
   }
   std::vector<int> counts;
   std::vector<double> scales;
-  int poor = 0, connected = 0;
+  int poor = 0;
   for (const PictureFeatures& picture : evidence.features) {
     counts.push_back(picture.count);
     if (picture.count > 0) scales.push_back(picture.median_scale_px);
     poor += picture.count < kFewFeatures;
-    connected += MostInliers(picture.name, evidence.pairs) >= kFewInliers;
   }
   const bool blurred = Median(scales) > kBlurredScalePx;
   if (blurred && 2 * poor > n) {
@@ -210,12 +230,21 @@ std::string FailureCause(const CaptureEvidence& evidence, int registered) {
   }
   const double share = HomographyShare(evidence.pairs);
   if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  const int linked = LargestLinkedGroup(evidence);
+  if (linked > kMaxUnexplainedShare * n) {
+    return Format(
+        "no consistent model: %d of %d pictures are linked by matches, but only %d fit together; mask what "
+        "moves, and walk sideways or around the subject rather than straight ahead",
+        linked,
+        n,
+        registered);
+  }
   return Format(
-      "no overlap: only %d of %d pictures form one model (%d of them match another picture well); take "
+      "no overlap: only %d of %d pictures form one model (the largest group linked by matches has %d); take "
       "pictures that share at least two thirds of their view with the next one",
       registered,
       n,
-      connected);
+      linked);
 }
 
 std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence) {

@@ -13,6 +13,8 @@ constexpr std::size_t kPoints = 1500;
 // A picture is divided into kGrid x kGrid cells, each of which asks for this many observations.
 constexpr int kGrid = 4;
 constexpr int kPerCell = 4;
+// Eliminating a point costs the square of its observations.
+constexpr std::size_t kMaxTrack = 24;
 constexpr std::uint64_t kHeldOutOneIn = 10;
 constexpr std::size_t kMinTraining = 3;  // fewer leave the point nothing that contradicts a wrong camera
 
@@ -27,6 +29,14 @@ std::uint64_t Hash(std::uint64_t x) {
 }
 
 int Cell(double x, int size) { return std::clamp(static_cast<int>(kGrid * x / size), 0, kGrid - 1); }
+
+// Evenly spread over the pictures that see the point.
+void Thin(Track* track) {
+  const std::size_t n = track->size();
+  if (n <= kMaxTrack) return;
+  for (std::size_t i = 0; i < kMaxTrack; ++i) (*track)[i] = (*track)[i * n / kMaxTrack];
+  track->resize(kMaxTrack);
+}
 
 // Index of the cell of a frame that shows the observation.
 std::size_t Slot(const io::Scene& scene, const io::Observation& observation) {
@@ -65,6 +75,7 @@ ObservationSplit SplitObservations(const io::ColmapModel& model, std::uint64_t s
   for (const io::Observation& o : model.observations) {
     tracks[static_cast<std::size_t>(o.point_index)].push_back(o);
   }
+  for (Track& track : tracks) Thin(&track);
   ObservationSplit split;
   split.training.scene.cameras = model.scene.cameras;
   split.training.scene.frames = model.scene.frames;

@@ -14,8 +14,8 @@ struct ObservationSplit {
 };
 
 // Keeps about 1500 points, the longest tracks first, but spread over all parts of all pictures: distortion
-// shows in the corners. Every tenth observation, by a hash with `seed`, is held out as long as 3 of its point
-// remain.
+// shows in the corners. Of points with more than 24 observations, 24 are kept. Every tenth observation, by a
+// hash with `seed`, is held out as long as 3 of its point remain.
 ObservationSplit SplitObservations(const io::ColmapModel& model, std::uint64_t seed);
 
 // Root of the mean robust loss (sfm/reprojection_cost.h) over the observations whose point lies in front of

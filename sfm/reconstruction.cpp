@@ -201,7 +201,8 @@ class Session {
       if (Registered(kGoodRegisteredShare)) return;
       const std::string cause = FailureCause(best_->evidence, best_->Registered());
       // A stronger setting cannot cure a capture without baseline, texture or pictures.
-      if (!Registered(kMinRegisteredShare) && cause.rfind("no overlap", 0) != 0) return;
+      const bool curable = cause.starts_with("no overlap") || cause.starts_with("no consistent model");
+      if (!Registered(kMinRegisteredShare) && !curable) return;
       const std::string so_far = "only " + std::to_string(best_->Registered()) + " of " +
                                  std::to_string(n()) + " pictures registered; ";
       if (stopwatch.seconds() + rung.estimate_s > ceiling_s) {

@@ -48,6 +48,13 @@ TEST(Diagnosis, CausesOfFailure) {
   ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 300, PairGeometry::kPlanarOrRotation), 0),
               "no baseline");
   ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 16, PairGeometry::kGeneral), 3), "no overlap");
+  // All linked, as in a walk straight ahead: more overlap would not help.
+  sfm::CaptureEvidence linked = Evidence(20, 2000, 2, 300, PairGeometry::kGeneral);
+  ExpectCause(sfm::FailureCause(linked, 3), "no consistent model");
+  linked.pairs[9].inliers = 16;  // two halves
+  const std::string halves = sfm::FailureCause(linked, 10);
+  ExpectCause(halves, "no overlap");
+  EXPECT_NE(halves.find("matches has 10"), std::string::npos) << halves;
 }
 
 TEST(Diagnosis, TriangulationAngleOfAnArcIsItsSpan) {
@@ -80,7 +87,9 @@ TEST(Diagnosis, ModelsThatMustBeRefused) {
   ExpectCause(
       sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kPlanarOrRotation)).value(),
       "no baseline");
-  ExpectCause(sfm::RefusalCause(Arc(2, 60), good).value(), "no overlap");
+  const auto weak = Evidence(10, 2000, 2, 16, PairGeometry::kGeneral);
+  ExpectCause(sfm::RefusalCause(Arc(2, 60), weak).value(), "no overlap");
+  ExpectCause(sfm::RefusalCause(Arc(2, 60), good).value(), "no consistent model");
   io::ColmapModel inaccurate = Arc(10, 60);
   inaccurate.mean_reprojection_error_px = 5;
   ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
