@@ -59,7 +59,7 @@ class Chooser {
       ++observations_[camera];
       ++lens_observations_[lens_of[camera] < 0 ? camera : static_cast<std::size_t>(lens_of[camera])];
     }
-    if (options.camera_model == "auto" && split_.held_out.size() < kMinHeldOut) {
+    if (options.camera_model == "auto" && !CanCompare()) {
       fixed_model_ = model.camera_model;
       decide_(Format("camera model stays %s: only %zu observations can be held out to compare",
                      fixed_model_.c_str(),
@@ -68,6 +68,8 @@ class Chooser {
       fixed_model_ = options.camera_model;
     }
   }
+
+  bool CanCompare() const { return split_.held_out.size() >= kMinHeldOut; }
 
   // Returns the accepted trial; the name of its model in `camera_model`.
   Trial Choose(std::string* camera_model) {
@@ -79,7 +81,6 @@ class Chooser {
   // Whether a focal length per picture describes the capture better than `shared`, whose camera
   // shared_camera[i] this chooser's camera i was split from.
   bool OwnFocalsHelp(const Trial& shared, const std::vector<std::size_t>& shared_camera) const {
-    if (split_.held_out.size() < kMinHeldOut) return false;
     std::vector<FreeIntrinsics> free;
     for (std::size_t i = 0; i < lens_of_.size(); ++i) {
       free.push_back(shared.free[shared_camera[i]]);
@@ -119,8 +120,7 @@ class Chooser {
     Trial trial = Run(free);
     std::size_t rung = fixed_model_.empty() ? 0 : CameraLadder().size();
     std::vector<bool> on_rung = EnoughObservations();
-    bool tries_principal_point = split_.held_out.size() >= kMinHeldOut, took_principal_point = false,
-         climbed_later = false;
+    bool tries_principal_point = CanCompare(), took_principal_point = false, climbed_later = false;
     for (;;) {
       std::vector<Attempt> attempts;
       if (rung < CameraLadder().size()) {
@@ -295,9 +295,10 @@ class Chooser {
 
 // The model and the trial of the camera choice. `model` may get a camera per picture.
 Trial ChooseCamera(io::ColmapModel* model, const CameraChoiceOptions& options, const Decide& decide) {
-  Trial trial = Chooser(*model, std::vector(model->scene.cameras.size(), -1), options, decide)
-                    .Choose(&model->camera_model);
-  if (options.camera_model != "auto" || model->scene.cameras.size() == model->scene.frames.size()) {
+  Chooser chooser(*model, std::vector(model->scene.cameras.size(), -1), options, decide);
+  Trial trial = chooser.Choose(&model->camera_model);
+  if (options.camera_model != "auto" || !chooser.CanCompare() ||
+      model->scene.cameras.size() == model->scene.frames.size()) {
     return trial;
   }
   io::ColmapModel split = *model;

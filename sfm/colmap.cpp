@@ -4,18 +4,15 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
 #include <fstream>
 #include <functional>
-#include <thread>
 
 #include "io/atomic_file.h"
 #include "io/colmap_model.h"
 #include "io/error.h"
-#include "io/interrupt.h"
 #include "io/process.h"
 #include "io/progress.h"
+#include "sfm/parallel_for.h"
 
 namespace sfm {
 namespace {
@@ -203,6 +200,10 @@ std::vector<Features> Colmap::ExtractFeatures(const fs::path& images_folder,
     done += static_cast<int>(group.names.size());
   }
   std::vector<Features> features = ReadFeatures(database, names);
+  for (Features& picture : features) {  // COLMAP keeps all of the size at which it reaches the number
+    if (picture.keypoints.size() <= static_cast<std::size_t>(options.max_features)) continue;
+    picture = LargestFeatures(picture, options.max_features);
+  }
   fs::remove(list_path);
   fs::remove(database);
   return features;
@@ -245,31 +246,14 @@ void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMat
   std::vector<std::vector<PairMatches>> shards((matches.size() + kPairsPerShard - 1) / kPairsPerShard);
   for (std::size_t i = 0; i < matches.size(); ++i) shards[i / kPairsPerShard].push_back(matches[i]);
   io::Progress progress("sfm: verifying");
-  std::atomic<std::size_t> next = 0, done = 0;
-  std::exception_ptr failure;
-  {
-    std::vector<std::jthread> workers;
-    for (int t = 0; t < threads_; ++t) {
-      workers.emplace_back([&] {
-        for (std::size_t i = next++; i < shards.size() && io::PendingInterrupt() == 0; i = next++) {
-          try {
-            VerifyShard(views, shards[i], i);
-          } catch (...) {
-            const std::lock_guard lock(mutex_);
-            if (!failure) failure = std::current_exception();
-            next = shards.size();
-            continue;
-          }
-          const std::lock_guard lock(mutex_);
-          ++done;
-          progress.Update(static_cast<double>(done) / static_cast<double>(shards.size()),
-                          std::to_string(matches.size()) + " pairs");
-        }
-      });
-    }
-  }
-  io::ThrowIfInterrupted();
-  if (failure) std::rethrow_exception(failure);
+  std::size_t done = 0;
+  ParallelFor(shards.size(), threads_, [&](std::size_t i) {
+    VerifyShard(views, shards[i], i);
+    const std::lock_guard lock(mutex_);
+    ++done;
+    progress.Update(static_cast<double>(done) / static_cast<double>(shards.size()),
+                    std::to_string(matches.size()) + " pairs");
+  });
   CreateDatabase(database_);
   WritePictures(database_, views.groups, views.camera_model, views.names, views.features);
   WriteMatches(database_, views.names, matches);

@@ -30,8 +30,8 @@ class Colmap {
   // kMissingTool when COLMAP is not on PATH or lacks an option.
   Colmap(std::filesystem::path work_folder, int threads);
 
-  // COLMAP's own SIFT on the CPU, as an alternative to DetectFeatures. Throws kMissingTool when a picture did
-  // not reach the database.
+  // COLMAP's own SIFT on the CPU, as an alternative to DetectFeatures; beyond options.max_features, the
+  // largest ones. Throws kMissingTool when a picture did not reach the database.
   std::vector<Features> ExtractFeatures(const std::filesystem::path& images_folder,
                                         const std::vector<CameraGroup>& groups,
                                         const std::vector<std::string>& names,

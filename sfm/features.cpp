@@ -1,21 +1,18 @@
 #include "sfm/features.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
 #include <mutex>
 #include <numbers>
 #include <numeric>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <thread>
 
 #include "io/error.h"
-#include "io/interrupt.h"
 #include "io/mask.h"
 #include "io/progress.h"
+#include "sfm/parallel_for.h"
 
 namespace sfm {
 namespace {
@@ -109,31 +106,15 @@ std::vector<Features> DetectFeatures(const fs::path& images_folder,
   cv::setNumThreads(1);  // whole pictures are spread over the threads instead
   std::vector<Features> features(names.size());
   io::Progress progress("sfm: features");
-  std::atomic<std::size_t> next = 0, done = 0;
+  std::size_t done = 0;
   std::mutex mutex;
-  std::exception_ptr failure;
-  {
-    std::vector<std::jthread> workers;
-    for (int t = 0; t < options.threads; ++t) {
-      workers.emplace_back([&] {
-        for (std::size_t i = next++; i < names.size() && io::PendingInterrupt() == 0; i = next++) {
-          try {
-            features[i] = Detect(images_folder / names[i], masks_folder, options);
-          } catch (...) {
-            const std::lock_guard lock(mutex);
-            failure = std::current_exception();
-            next = names.size();
-          }
-          const std::lock_guard lock(mutex);
-          ++done;
-          progress.Update(static_cast<double>(done) / static_cast<double>(names.size()),
-                          std::to_string(done) + " of " + std::to_string(names.size()));
-        }
-      });
-    }
-  }
-  if (failure) std::rethrow_exception(failure);
-  io::ThrowIfInterrupted();
+  ParallelFor(names.size(), options.threads, [&](std::size_t i) {
+    features[i] = Detect(images_folder / names[i], masks_folder, options);
+    const std::lock_guard lock(mutex);
+    ++done;
+    progress.Update(static_cast<double>(done) / static_cast<double>(names.size()),
+                    std::to_string(done) + " of " + std::to_string(names.size()));
+  });
   return features;
 }
 

@@ -1,6 +1,7 @@
 #include "sfm/intrinsics.h"
 
 namespace sfm {
+
 std::vector<int> FreeIndices(const FreeIntrinsics& free) {
   const bool is_free[kIntrinsics] = {free.focal,
                                      free.aspect,

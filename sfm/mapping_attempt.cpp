@@ -119,6 +119,7 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
     if (merged.scene.frames.size() > models[0].second.scene.frames.size() &&
         merged.mean_reprojection_error_px <= kMergedErrorGrowth * error) {
       models[0] = {*path, std::move(merged)};
+      models.erase(models.begin() + static_cast<std::ptrdiff_t>(i--));
     }
   }
   for (auto& [path, model] : models) attempt.models.push_back(std::move(model));

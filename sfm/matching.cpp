@@ -1,13 +1,10 @@
 #include "sfm/matching.h"
 
-#include <atomic>
 #include <mutex>
-#include <optional>
-#include <thread>
 
-#include "io/interrupt.h"
 #include "io/progress.h"
 #include "sfm/kernels/kernels.h"
+#include "sfm/parallel_for.h"
 
 namespace sfm {
 namespace {
@@ -40,22 +37,13 @@ std::vector<PairMatches> MatchFeatures(const std::vector<Features>& features,
     }
   }
   io::Progress progress("sfm: matching");
-  std::mutex mutex;
-  const auto run = [&](std::size_t n, const auto& work) {
-    std::atomic<std::size_t> next = 0;
-    std::vector<std::jthread> workers;
-    for (int t = 0; t < threads; ++t) {
-      workers.emplace_back([&] {
-        for (std::size_t i = next++; i < n && io::PendingInterrupt() == 0; i = next++) work(i);
-      });
-    }
-  };
-  run(features.size(), [&](std::size_t i) {
+  ParallelFor(features.size(), threads, [&](std::size_t i) {
     prepared[i] =
         kernel.prepare(features[i].descriptors.data(), static_cast<int>(features[i].keypoints.size()));
   });
   std::size_t done = 0;
-  run(matches.size(), [&](std::size_t i) {
+  std::mutex mutex;
+  ParallelFor(matches.size(), threads, [&](std::size_t i) {
     const auto &a = prepared[static_cast<std::size_t>(matches[i].a)],
                &b = prepared[static_cast<std::size_t>(matches[i].b)];
     std::vector<Neighbour> from_a(static_cast<std::size_t>(a.count)),
@@ -72,7 +60,6 @@ std::vector<PairMatches> MatchFeatures(const std::vector<Features>& features,
     progress.Update(static_cast<double>(done) / static_cast<double>(matches.size()),
                     std::to_string(done) + " of " + std::to_string(matches.size()) + " pairs");
   });
-  io::ThrowIfInterrupted();
   return matches;
 }
 

@@ -6,6 +6,7 @@
 
 #include "io/error.h"
 #include "io/format.h"
+#include "sfm/median.h"
 
 namespace sfm {
 namespace {
@@ -45,8 +46,6 @@ double HighQuantile(std::vector<double> values, double q) {
   for (double& value : values) value = -value;
   return -LowQuantile(std::move(values), q);
 }
-
-double Median(std::vector<double> values) { return LowQuantile(std::move(values), 0.5); }
 
 Eigen::Vector3d Centre(const io::Frame& frame) { return frame.world_from_cam.translation; }
 Eigen::Vector3d Axis(const io::Frame& frame) { return -frame.world_from_cam.rotation.col(2); }

@@ -1,7 +1,9 @@
 #include "sfm/pair_agreement.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 
 namespace sfm {
@@ -32,14 +34,13 @@ bool Agrees(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vec
   if (sine <= tolerance) return true;  // a point far away
   const double miss = std::abs(t.dot(across)), scale = std::hypot(t.cross(a).norm(), t.cross(b).norm());
   if (miss > tolerance * scale) return false;
-  // Depths along both rays, in units of the baseline: depth_a a - depth_b b = t but for the miss.
+  // Depths along both rays, up to a common factor: depth_a a - depth_b b = t but for the miss.
   const double depth_a = t.cross(b).dot(across), depth_b = t.cross(a).dot(across);
   return depth_a > 0 && depth_b > 0;
 }
 
 bool Contradicts(const View& a, const View& b, const VerifiedPair& pair) {
-  Eigen::Vector3d t = b.world_from_cam->translation - a.world_from_cam->translation;
-  if (t.norm() > 0) t.normalize();
+  const Eigen::Vector3d t = b.world_from_cam->translation - a.world_from_cam->translation;
   const double tolerance = kMaxErrorPx / std::min(a.camera->fl_x, b.camera->fl_x);
   int tested = 0, agreeing = 0;
   for (const auto& [in_a, in_b] : pair.matches) {

@@ -23,7 +23,7 @@ struct PairAgreement {
 };
 
 // names[i] is the picture of features[i]; frames of the scene carry the picture's name. With unit rays a and
-// b of a match, in the world, and the unit vector t between the centres, a match agrees when the sine of the
+// b of a match, in the world, and the vector t between the centres, a match agrees when the sine of the
 // angle by which the rays miss each other,
 //   |t . (a x b)| / sqrt(|t x a|^2 + |t x b|^2)
 // (the Sampson error of the epipolar constraint on the sphere; Hartley and Zisserman, "Multiple View

@@ -186,12 +186,57 @@ TEST(CameraChoice, PicturesGetFocalLengthsOfTheirOwnWhereTheyDiffer) {
     EXPECT_EQ(result.model.scene.cameras[i].k1, result.model.scene.cameras[0].k1);
   }
   EXPECT_LT(Compare(result.model.scene, truth.scene).rotation_deg, 0.15) << result.lines;
+  EXPECT_EQ(Choose(shared, {.camera_model = "SIMPLE_RADIAL"}).model.scene.cameras.size(), 1u);
 
   int stayed = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     stayed += Choose(Capture(DistortedCamera(), SmallCamera(), seed)).model.scene.cameras.size() == 1;
   }
   EXPECT_GE(stayed, 19);  // 95 %
+}
+
+// Every other picture is taken with a longer lens; `zoom` is how far focusing changes the focal lengths.
+io::ColmapModel TwoLenses(double zoom) {
+  io::Camera wide = SmallCamera(), tele = SmallCamera();
+  wide.k1 = -0.05;
+  tele.fl_x = tele.fl_y = 700, tele.cx = 330, tele.k1 = 0.1;
+  io::ColmapModel model = Ring(16, wide);
+  model.scene.cameras.clear();
+  std::mt19937_64 random(9);
+  for (std::size_t i = 0; i < 16; ++i) {
+    io::Camera camera = i % 2 == 0 ? wide : tele;
+    camera.fl_x = camera.fl_y = camera.fl_x * (1 + zoom * (2 * Uniform(&random) - 1));
+    model.scene.frames[i].camera_index = static_cast<int>(i);
+    model.scene.cameras.push_back(camera);
+  }
+  for (int i = 0; i < 200; ++i) AddPoint(&model, RandomVector(&random, 1), kNoisePx, &random);
+  return model;
+}
+
+TEST(CameraChoice, PicturesWithFocalLengthsOfTheirOwnKeepTheirLens) {
+  for (const double zoom : {0.03, 0.0}) {
+    const io::ColmapModel truth = TwoLenses(zoom);
+    io::ColmapModel shared = truth;
+    shared.scene.cameras = {SmallCamera(), SmallCamera()};
+    shared.scene.cameras[1].fl_x = shared.scene.cameras[1].fl_y = 700, shared.scene.cameras[1].cx = 330;
+    for (std::size_t i = 0; i < 16; ++i) shared.scene.frames[i].camera_index = i % 2;
+    const Result result = Choose(shared);
+    const auto& cameras = result.model.scene.cameras;
+    if (zoom == 0) {
+      EXPECT_EQ(cameras.size(), 2u) << result.lines;
+      const std::string before = " px, ", line = result.lines.substr(result.lines.find("focal length per"));
+      EXPECT_LT(std::stod(line.substr(line.find(before) + before.size())), 3) << line;
+      continue;
+    }
+    ASSERT_EQ(cameras.size(), 16u) << result.lines;
+    for (std::size_t i = 0; i < 16; ++i) {
+      const sfm::IntrinsicVector& sigma = result.choice.uncertainty.intrinsics[i];
+      EXPECT_NEAR(cameras[i].fl_x, truth.scene.cameras[i].fl_x, 5 * sigma[sfm::kFocal]) << i;
+      EXPECT_NEAR(cameras[i].k1, truth.scene.cameras[i].k1, 5 * sigma[sfm::kK1]) << i;
+      EXPECT_EQ(cameras[i].k1, cameras[i % 2].k1) << i;
+      EXPECT_EQ(cameras[i].cx, truth.scene.cameras[i].cx) << i;
+    }
+  }
 }
 
 TEST(CameraChoice, AGivenModelIsUsedAndAnUnknownOneRefused) {
@@ -217,7 +262,10 @@ TEST(CameraChoice, WithoutObservationsToHoldOutTheModelStays) {
   model.camera_model = "SIMPLE_RADIAL";
   const Result result = Choose(model);
   EXPECT_EQ(result.choice.camera_model, "SIMPLE_RADIAL");
-  EXPECT_NE(result.lines.find("camera model stays SIMPLE_RADIAL"), std::string::npos) << result.lines;
+  const std::size_t line = result.lines.find("camera model stays SIMPLE_RADIAL");
+  EXPECT_NE(line, std::string::npos) << result.lines;
+  EXPECT_EQ(result.lines.find("camera model stays", line + 1), std::string::npos) << result.lines;
+  EXPECT_EQ(result.lines.find("focal length per picture"), std::string::npos) << result.lines;
 }
 
 }  // namespace

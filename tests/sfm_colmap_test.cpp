@@ -2,44 +2,19 @@
 // plays each.
 #include "sfm/colmap.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <fstream>
+#include <random>
 
 #include "io/error.h"
+#include "io/image.h"
+#include "io/process.h"
+#include "tests/stand_in_colmap.h"
 
 namespace {
 
 namespace fs = std::filesystem;
 
-class StandInColmap : public testing::Test {
+class ColmapDriver : public StandInColmap {
  protected:
-  StandInColmap() {
-    std::string name = (fs::temp_directory_path() / "colmap_XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-    old_path_ = std::getenv("PATH");
-    setenv("PATH", (folder_.string() + ":/usr/bin:/bin").c_str(), 1);
-  }
-  ~StandInColmap() override {
-    setenv("PATH", old_path_.c_str(), 1);
-    fs::remove_all(folder_);
-  }
-
-  // body: what every command except `-h` does.
-  void Install(const std::string& body) {
-    const fs::path program = folder_ / "colmap";
-    std::ofstream(program)
-        << "#!/bin/sh\n"
-           "if [ \"$2\" = -h ]; then cat <<END\n"
-           "  --SiftExtraction.use_gpu\n  --SiftExtraction.num_threads\n"
-           "  --SiftExtraction.max_image_size\n  --SiftExtraction.max_num_features\n"
-           "  --SiftMatching.use_gpu\n  --SiftMatching.num_threads\n  --Mapper.num_threads\n"
-           "END\nexit 0\nfi\n"
-        << body << "\n";
-    fs::permissions(program, fs::perms::owner_all);
-  }
-
   sfm::Colmap Make() { return {folder_ / "work", 1}; }
 
   std::vector<sfm::Features> Extract(sfm::Colmap* colmap) {
@@ -58,18 +33,15 @@ class StandInColmap : public testing::Test {
     ADD_FAILURE() << "no error";
     return "";
   }
-
-  fs::path folder_;
-  std::string old_path_;
 };
 
-TEST_F(StandInColmap, MissingProgramNamesTheRemedy) {
+TEST_F(ColmapDriver, MissingProgramNamesTheRemedy) {
   setenv("PATH", folder_.c_str(), 1);
   EXPECT_NE(ErrorOf([&] { Make(); }, io::ExitCode::kMissingTool).find("apt-get install colmap"),
             std::string::npos);
 }
 
-TEST_F(StandInColmap, ACrashIsReportedWithTheLastLines) {
+TEST_F(ColmapDriver, ACrashIsReportedWithTheLastLines) {
   Install("echo the last words; kill -SEGV $$");
   sfm::Colmap colmap = Make();
   const std::string message = ErrorOf([&] { colmap.Map("", 5); }, io::ExitCode::kMissingTool);
@@ -77,20 +49,20 @@ TEST_F(StandInColmap, ACrashIsReportedWithTheLastLines) {
   EXPECT_NE(message.find("the last words"), std::string::npos) << message;
 }
 
-TEST_F(StandInColmap, LackOfMemoryIsNoFaultOfTheProgram) {
+TEST_F(ColmapDriver, LackOfMemoryIsNoFaultOfTheProgram) {
   Install("echo \"terminate called after throwing an instance of 'std::bad_alloc'\"; kill -ABRT $$");
   sfm::Colmap colmap = Make();
   EXPECT_NE(ErrorOf([&] { colmap.Map("", 5); }, io::ExitCode::kNoResources).find("memory"),
             std::string::npos);
 }
 
-TEST_F(StandInColmap, NoModelIsAnAnswer) {
+TEST_F(ColmapDriver, NoModelIsAnAnswer) {
   Install("echo failed to create sparse model; exit 1");
   sfm::Colmap colmap = Make();
   EXPECT_TRUE(colmap.Map("", 5).empty());
 }
 
-TEST_F(StandInColmap, ModelsThatCannotBeMergedAreNoFailure) {
+TEST_F(ColmapDriver, ModelsThatCannotBeMergedAreNoFailure) {
   for (const char* body : {"exit 1", "exit 0"}) {
     Install(body);
     sfm::Colmap colmap = Make();
@@ -98,13 +70,13 @@ TEST_F(StandInColmap, ModelsThatCannotBeMergedAreNoFailure) {
   }
 }
 
-TEST_F(StandInColmap, ExtractionWithoutADatabaseIsNotBelieved) {
+TEST_F(ColmapDriver, ExtractionWithoutADatabaseIsNotBelieved) {
   Install("exit 0");
   sfm::Colmap colmap = Make();
   ErrorOf([&] { Extract(&colmap); }, io::ExitCode::kBadState);
 }
 
-TEST_F(StandInColmap, VerificationWithoutADatabaseIsNotBelieved) {
+TEST_F(ColmapDriver, VerificationWithoutADatabaseIsNotBelieved) {
   Install("exit 0");
   sfm::Colmap colmap = Make();
   sfm::CapturedViews views{.names = {"a.png", "b.png"}, .features = std::vector<sfm::Features>(2)};
@@ -112,17 +84,34 @@ TEST_F(StandInColmap, VerificationWithoutADatabaseIsNotBelieved) {
   ErrorOf([&] { colmap.VerifyMatches(views, {{.a = 0, .b = 1}}); }, io::ExitCode::kBadState);
 }
 
-TEST_F(StandInColmap, ExtractionThatSkipsPicturesIsNotBelieved) {
+TEST_F(ColmapDriver, ExtractionThatSkipsPicturesIsNotBelieved) {
   fs::create_directories(folder_ / "images");
   std::ofstream(folder_ / "images" / "a.png") << "not a picture";
   setenv("PATH", old_path_.c_str(), 1);
-  if (std::system("command -v colmap >/dev/null") != 0) GTEST_SKIP() << "colmap is not installed";
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
   sfm::Colmap colmap = Make();
   const std::string message = ErrorOf([&] { Extract(&colmap); }, io::ExitCode::kMissingTool);
   EXPECT_NE(message.find("skipped a.png"), std::string::npos) << message;
 }
 
-TEST_F(StandInColmap, ArgumentsAreThoseOfTheInstalledVersion) {
+TEST_F(ColmapDriver, NoMoreFeaturesThanAskedForAreKept) {
+  setenv("PATH", old_path_.c_str(), 1);
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  io::Image image = io::MakeImage(320, 240, 3);
+  std::mt19937 random(1);
+  for (std::uint8_t& value : image.data) value = static_cast<std::uint8_t>(random());
+  fs::create_directories(folder_ / "images");
+  io::WriteImage(folder_ / "images" / "a.png", image);
+  sfm::Colmap colmap = Make();
+  const auto features = colmap.ExtractFeatures(folder_ / "images",
+                                               {{.names = {"a.png"}, .width = 320, .height = 240}},
+                                               {"a.png"},
+                                               {.max_features = 100});
+  EXPECT_EQ(features[0].keypoints.size(), 100u);
+  EXPECT_EQ(features[0].descriptors.size(), 100u * sfm::kDescriptorBytes);
+}
+
+TEST_F(ColmapDriver, ArgumentsAreThoseOfTheInstalledVersion) {
   Install("echo \"$@\" >> " + (folder_ / "calls").string());
   sfm::Colmap colmap = Make();
   EXPECT_THROW(Extract(&colmap), io::Error);

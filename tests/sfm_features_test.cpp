@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "io/error.h"
@@ -88,6 +89,79 @@ TEST(Features, DetectionInASmallerPictureKeepsThePositions) {
   const auto [dx, dy] = MeanDisplacement(features, Spots(), 3);
   EXPECT_NEAR(dx, 0, 0.09);  // 0.03 px of the small picture
   EXPECT_NEAR(dy, 0, 0.09);
+  // Detection sees the means of 3 x 3 pixels.
+  const io::Image large = Draw(1440, 1080, spots);
+  io::Image small = io::MakeImage(480, 360, 3);
+  for (int y = 0; y < 360; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      int sum = 0;
+      for (int k = 0; k < 9; ++k) sum += large.Pixel(3 * x + k % 3, 3 * y + k / 3)[0];
+      std::fill_n(small.Pixel(x, y), 3, static_cast<std::uint8_t>(std::lround(sum / 9.0)));
+    }
+  }
+  io::WriteImage(folder / "small.png", small);
+  const sfm::Features expected = sfm::DetectFeatures(folder.path(), {"small.png"}, "", {})[0];
+  EXPECT_EQ(features.descriptors, expected.descriptors);
+  ASSERT_EQ(features.keypoints.size(), expected.keypoints.size());
+  for (std::size_t i = 0; i < expected.keypoints.size(); ++i) {
+    EXPECT_FLOAT_EQ(features.keypoints[i].scale, 3 * expected.keypoints[i].scale) << i;
+    EXPECT_EQ(features.keypoints[i].angle, expected.keypoints[i].angle) << i;
+  }
+}
+
+// 100 rows become 33: heights shrink by more than widths.
+TEST(Features, DetectionInASmallerPictureOfOtherProportionsKeepsThePositions) {
+  TempDir folder;
+  std::vector<Spot> spots, small;
+  for (int i = 0; i < 30; ++i) spots.push_back({50.3 + 46 * i, 45.0 + i % 11, 6.0 + 0.2 * (i % 5)});
+  for (const Spot& s : spots) small.push_back({s.x / 3, s.y / 3, s.sigma / 3});
+  io::WriteImage(folder / "strip.png", Draw(1440, 100, spots));
+  const sfm::Features features =
+      sfm::DetectFeatures(folder.path(), {"strip.png"}, "", {.max_image_size = 480})[0];
+  const auto [dx, dy] = MeanDisplacement(features, small, 3);
+  EXPECT_NEAR(dx, 0, 0.09);
+  EXPECT_NEAR(dy, 0, 0.09);
+}
+
+TEST(Features, TheScaleIsTheSizeOfTheSpot) {
+  TempDir folder;
+  io::WriteImage(folder / "spots.png", Draw(480, 360, Spots()));
+  const sfm::Features features = sfm::DetectFeatures(folder.path(), {"spots.png"}, "", {})[0];
+  int n = 0;
+  for (const sfm::Keypoint& k : features.keypoints) {
+    for (const Spot& s : Spots()) {
+      if (std::hypot(k.x - s.x, k.y - s.y) > 1) continue;
+      EXPECT_NEAR(k.scale / s.sigma, 1, 0.2) << s.sigma;
+      ++n;
+    }
+  }
+  EXPECT_GE(n, 20);
+}
+
+// Pairs of unequal spots have a direction.
+TEST(Features, AnglesTurnWithThePicture) {
+  TempDir folder;
+  std::vector<Spot> spots, turned;
+  for (int i = 0; i < 12; ++i) {
+    const double x = 90.3 + 100 * (i % 4), y = 80.1 + 100 * (i / 4), angle = 0.5 * i;
+    spots.push_back({x, y, 5});
+    spots.push_back({x + 8 * std::cos(angle), y + 8 * std::sin(angle), 3});
+  }
+  for (const Spot& s : spots) turned.push_back({360 - s.y, s.x, s.sigma});  // x becomes y, y becomes -x
+  io::WriteImage(folder / "a.png", Draw(480, 360, spots));
+  io::WriteImage(folder / "b.png", Draw(360, 480, turned));
+  const auto features = sfm::DetectFeatures(folder.path(), {"a.png", "b.png"}, "", {});
+  int n = 0;
+  for (const sfm::Keypoint& a : features[0].keypoints) {
+    double nearest = 10;
+    for (const sfm::Keypoint& b : features[1].keypoints) {
+      if (std::hypot(b.x - (360 - a.y), b.y - a.x) > 0.3 || std::abs(b.scale / a.scale - 1) > 0.05) continue;
+      nearest = std::min(nearest, std::abs(std::remainder(b.angle - a.angle - M_PI / 2, 2 * M_PI)));
+    }
+    n += nearest < 0.05;
+  }
+  // Of 39; where two directions are about as strong, another one may win on turned pixels.
+  EXPECT_GE(n, 15);
 }
 
 TEST(Features, DescriptorsAreRootSift) {
@@ -113,22 +187,32 @@ TEST(Features, TheStrongestAreKeptWhateverTheThreads) {
       sfm::DetectFeatures(folder.path(), {"a.png", "b.png"}, "", {.max_features = 10, .threads = 2});
   ASSERT_EQ(few[0].keypoints.size(), 10u);
   for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(few[0].keypoints[i].x, all[0].keypoints[i].x) << i;
+  for (std::size_t i = 0; i < 10; ++i) {
+    const auto& keypoints = all[0].keypoints;
+    const auto same = std::find_if(keypoints.begin(), keypoints.end(), [&](const sfm::Keypoint& k) {
+      return k.x == few[0].keypoints[i].x && k.angle == few[0].keypoints[i].angle;
+    });
+    ASSERT_NE(same, keypoints.end()) << i;
+    const auto row = all[0].descriptors.begin() + (same - keypoints.begin()) * sfm::kDescriptorBytes;
+    EXPECT_TRUE(
+        std::equal(row, row + sfm::kDescriptorBytes, few[0].descriptors.begin() + i * sfm::kDescriptorBytes))
+        << i;
+  }
   EXPECT_EQ(few[1].descriptors, all[1].descriptors);
 }
 
 TEST(Features, NothingIsFoundBehindAMask) {
   TempDir folder, masks;
-  io::WriteImage(folder / "a.png", Draw(480, 360, Spots()));
-  io::Image mask = io::MakeImage(480, 360, 3);
-  for (int y = 0; y < 360; ++y) {
-    for (int x = 240; x < 480; ++x) {
-      for (int c = 0; c < 3; ++c) mask.Pixel(x, y)[c] = 255;
-    }
+  io::WriteImage(folder / "a.jpg", Draw(480, 360, Spots()));
+  io::Mask mask{480, 360, std::vector<std::uint8_t>(480 * 360)};
+  for (std::size_t p = 0; p < mask.used.size(); ++p) mask.used[p] = p % 480 < 240 ? 0 : 255;
+  io::WriteMask(masks / "a.png", mask);
+  for (const int size : {480, 240}) {
+    const sfm::Features features =
+        sfm::DetectFeatures(folder.path(), {"a.jpg"}, masks.path(), {.max_image_size = size})[0];
+    ASSERT_GT(features.keypoints.size(), 5u);
+    for (const sfm::Keypoint& k : features.keypoints) EXPECT_GT(k.x, 239) << size << " " << k.y;
   }
-  io::WriteImage(masks / "a.png", mask);
-  const sfm::Features features = sfm::DetectFeatures(folder.path(), {"a.png"}, masks.path(), {})[0];
-  ASSERT_GT(features.keypoints.size(), 5u);
-  for (const sfm::Keypoint& k : features.keypoints) EXPECT_GT(k.x, 239) << k.y;
 }
 
 TEST(Features, APictureWithoutAMaskIsUsedWhole) {

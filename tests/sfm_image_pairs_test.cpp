@@ -39,7 +39,32 @@ TEST(ImagePairs, LikelyPairsAreThoseThatOverlap) {
     EXPECT_LE(b - a, 4) << a << " " << b;  // 20 rows shared at distance 4, none at 5
   for (int i = 0; i + 1 < 12; ++i) EXPECT_EQ(pairs.count({i, i + 1}), 1u) << i;
   EXPECT_EQ(pairs.count({5, 7}), 1u);
+  EXPECT_EQ(pairs.count({5, 8}), 0u);  // both share more with four others
   EXPECT_EQ(pairs, sfm::LikelyPairs(pictures, 4, 1));
+}
+
+TEST(ImagePairs, OnlyTheLargestFeaturesAreCompared) {
+  // Of random rows; 384 are large. Pictures 0 and 1 share all small ones, 0 and 2 share 4 large ones, 0 and 3
+  // share 3.
+  std::mt19937 random(4);
+  const auto rows = [&](int n) {
+    std::vector<std::uint8_t> bytes;
+    for (int i = 0; i < n * sfm::kDescriptorBytes; ++i) bytes.push_back(random() % 80);
+    return bytes;
+  };
+  const std::vector<std::uint8_t> large = rows(384), small = rows(50);
+  std::vector<sfm::Features> pictures(4);
+  for (int i = 0; i < 4; ++i) {
+    sfm::Features& picture = pictures[i];
+    picture.descriptors = i < 2 ? small : rows(50);
+    const int shared = i == 0 ? 384 : i == 1 ? 0 : i == 2 ? 4 : 3;
+    picture.descriptors.insert(
+        picture.descriptors.end(), large.begin(), large.begin() + shared * sfm::kDescriptorBytes);
+    const std::vector<std::uint8_t> own = rows(384 - shared);
+    picture.descriptors.insert(picture.descriptors.end(), own.begin(), own.end());
+    for (int k = 0; k < 50 + 384; ++k) picture.keypoints.push_back({.scale = k < 50 ? 1.0f : 2.0f});
+  }
+  EXPECT_EQ(sfm::LikelyPairs(pictures, 4, 2), (sfm::ImagePairs{{0, 2}}));
 }
 
 TEST(ImagePairs, PicturesWithoutFeaturesHaveNoPartners) {

@@ -44,6 +44,26 @@ TEST(Matching, MutualDistinctAndNear) {
   EXPECT_EQ(pairs[0].matches, (std::vector<Match>{{0, 0}, {4, 5}}));
 }
 
+TEST(Matching, TheSecondMustBeAQuarterFarther) {
+  sfm::Features a, b;
+  Append(&a, 0, 0);  // distances 10 and 13.4 degrees: 0.75
+  Append(&b, 0, 10);
+  Append(&b, 0, 13.4);
+  Append(&a, 1, 0);  // 10 and 11.8 degrees: 0.85
+  Append(&b, 1, 10);
+  Append(&b, 1, 11.8);
+  EXPECT_EQ(sfm::MatchFeatures({a, b}, {{0, 1}}, 1)[0].matches, (std::vector<Match>{{0, 0}}));
+}
+
+TEST(Matching, FortyDegreesAreTheLimit) {
+  sfm::Features a, b;
+  Append(&a, 0, 0);
+  Append(&b, 0, 39);
+  Append(&a, 1, 0);
+  Append(&b, 1, 42);
+  EXPECT_EQ(sfm::MatchFeatures({a, b}, {{0, 1}}, 1)[0].matches, (std::vector<Match>{{0, 0}}));
+}
+
 TEST(Matching, TheRatioTestHoldsFromBothSides) {
   sfm::Features a, b;
   Append(&a, 0, 0);
@@ -105,15 +125,45 @@ TEST(StationaryMatches, ASlowCameraKeepsAllMatches) {
 }
 
 TEST(StationaryMatches, FewSplitPairsAreChance) {
-  auto matches = AllMatches(6);
-  std::vector<sfm::Features> features = Turntable(6, 20);
-  // In all pictures but the last two the other half moves as well.
-  for (int i = 0; i < 6; ++i) {
-    for (int k = 40; k < 80; ++k) features[i].keypoints[k].x += static_cast<float>(20 * std::min(i, 4));
+  // In all pictures but the last ones the other half moves as well: 1, 6 or 10 of 15 pairs are split.
+  for (const auto& [last, split] : {std::pair{2, 1}, {4, 6}, {5, 10}}) {
+    auto matches = AllMatches(6);
+    std::vector<sfm::Features> features = Turntable(6, 20);
+    for (int i = 0; i < 6; ++i) {
+      for (int k = 40; k < 80; ++k) {
+        features[i].keypoints[k].x += static_cast<float>(20 * std::min(i, 6 - last));
+      }
+    }
+    const sfm::StationaryShare share = sfm::RemoveStationaryMatches(features, &matches);
+    EXPECT_EQ(share.split_pairs, split);
+    EXPECT_EQ(share.removed, split < 8 ? 0u : 40u * split);
   }
-  const sfm::StationaryShare share = sfm::RemoveStationaryMatches(features, &matches);
-  EXPECT_EQ(share.split_pairs, 1);
-  EXPECT_EQ(share.removed, 0u);
+}
+
+// How many matches are removed from one pair in which so many move by 12, by 8 and by 4 px, downwards. The
+// second picture lists its keypoints from the last one on.
+std::size_t Removed(int moving, int between, int still) {
+  const int n = moving + between + still;
+  std::vector<sfm::Features> features(2);
+  std::vector<sfm::PairMatches> matches = {{.a = 0, .b = 1}};
+  features[1].keypoints.resize(static_cast<std::size_t>(n));
+  for (int k = 0; k < n; ++k) {
+    const float x = static_cast<float>(20 * k), step = k < moving ? 12 : k < moving + between ? 8 : 4;
+    features[0].keypoints.push_back({.x = x, .y = 5});
+    features[1].keypoints[(k + 1) % n] = {.x = x, .y = 5 + step};
+    matches[0].matches.push_back({k, (k + 1) % n});
+  }
+  const std::size_t removed = sfm::RemoveStationaryMatches(features, &matches).removed;
+  EXPECT_EQ(matches[0].matches.size(), n - removed);
+  return removed;
+}
+
+TEST(StationaryMatches, APairIsSplitWhenEnoughMoveAndEnoughStandStill) {
+  EXPECT_EQ(Removed(15, 30, 15), 15u);  // what is neither stays
+  EXPECT_EQ(Removed(14, 30, 15), 0u);   // a camera that hardly moves
+  EXPECT_EQ(Removed(15, 0, 14), 0u);
+  EXPECT_EQ(Removed(60, 0, 15), 15u);  // a fifth
+  EXPECT_EQ(Removed(61, 0, 15), 0u);
 }
 
 }  // namespace

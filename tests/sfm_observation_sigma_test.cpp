@@ -31,4 +31,17 @@ TEST(ObservationSigma, GrowsWithTheScaleOfTheKeypointThere) {
   EXPECT_EQ(model.observations[5].sigma, 1);
 }
 
+TEST(ObservationSigma, EachFrameHasItsOwnKeypoints) {
+  io::ColmapModel model;
+  model.scene.frames.resize(2);
+  model.scene.frames[0].image_path = "b.png";
+  model.scene.frames[1].image_path = "a.png";
+  model.observations = {{.frame_index = 0, .xy = {3, 5}}, {.frame_index = 1, .xy = {3, 5}}};
+  std::vector<sfm::Features> features(2);
+  features[0].keypoints = {{.x = 3, .y = 5, .scale = 8}};
+  features[1].keypoints = {{.x = 3, .y = 5, .scale = 2}};
+  sfm::SetSigmas({"a.png", "b.png"}, features, &model);
+  EXPECT_NEAR(model.observations[0].sigma / model.observations[1].sigma, std::pow(0.25, 0.7), 1e-6);
+}
+
 }  // namespace

@@ -2,110 +2,20 @@
 // that only turns is refused by name.
 #include "sfm/reconstruction.h"
 
-#include <gtest/gtest.h>
-
-#include <array>
+#include <algorithm>
 #include <cmath>
-#include <cstdlib>
+#include <map>
 
 #include "io/error.h"
-#include "io/image.h"
+#include "io/mask.h"
 #include "io/process.h"
+#include "sfm/colmap_database.h"
+#include "sfm/synthetic_capture.h"
+#include "tests/small_capture.h"
 
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr int kWidth = 400, kHeight = 300;
-const io::Camera kCamera{.width = kWidth, .height = kHeight, .fl_x = 380, .fl_y = 380, .cx = 200, .cy = 150};
-
-// A value in [0, 1] for each cell of a grid, without tables.
-double CellValue(int x, int y, int layer) {
-  std::uint32_t h = static_cast<std::uint32_t>(x) * 374761393u + static_cast<std::uint32_t>(y) * 668265263u +
-                    static_cast<std::uint32_t>(layer) * 2246822519u;
-  h = (h ^ (h >> 13)) * 1274126177u;
-  return static_cast<double>((h ^ (h >> 16)) & 0xffff) / 65535;
-}
-
-// Patches of several sizes, smoothed linearly.
-double Texture(double u, double v, int wall) {
-  double sum = 0;
-  for (int octave = 0; octave < 4; ++octave) {
-    const double scale = 4 << octave, x = u * scale, y = v * scale;
-    const int ix = static_cast<int>(std::floor(x)), iy = static_cast<int>(std::floor(y));
-    const double fx = x - ix, fy = y - iy;
-    const int layer = wall * 16 + octave;
-    const double top = std::lerp(CellValue(ix, iy, layer), CellValue(ix + 1, iy, layer), fx);
-    const double bottom = std::lerp(CellValue(ix, iy + 1, layer), CellValue(ix + 1, iy + 1, layer), fx);
-    sum += std::lerp(top, bottom, fy);
-  }
-  return sum / 4;
-}
-
-// Inside of the box [-2, 2]^3 with a second, smaller box in the middle of the view.
-double Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
-  double nearest = 1e9, value = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    for (const double plane : {-2.0, 2.0, -0.5, 0.5}) {
-      const double t = (plane - origin[axis]) / direction[axis];
-      if (!(t > 1e-6) || t >= nearest) continue;
-      const Eigen::Vector3d x = origin + t * direction;
-      const double u = x[(axis + 1) % 3], v = x[(axis + 2) % 3];
-      const bool inner = std::abs(plane) < 1;
-      if (inner && (std::abs(u) > 0.5 || std::abs(v) > 0.5)) continue;
-      nearest = t;
-      value = Texture(u + 10, v + 10, axis * 4 + static_cast<int>(plane * 2 + 4));
-    }
-  }
-  return value;
-}
-
-io::Rigid3d LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
-  io::Rigid3d pose;
-  const Eigen::Vector3d back = (eye - target).normalized();
-  const Eigen::Vector3d right = Eigen::Vector3d::UnitY().cross(back).normalized();
-  pose.rotation << right, back.cross(right), back;
-  pose.translation = eye;
-  return pose;
-}
-
-class SmallCapture : public testing::Test {
- protected:
-  SmallCapture() {
-    std::string name = (fs::temp_directory_path() / "reconstruction_XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-  }
-  ~SmallCapture() override { fs::remove_all(folder_); }
-
-  void Add(const io::Rigid3d& world_from_cam) {
-    io::Image image = io::MakeImage(kWidth, kHeight, 3);
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        const Eigen::Vector3d ray = world_from_cam.rotation * *io::RayFromImg(kCamera, {x + 0.5, y + 0.5});
-        const auto grey =
-            static_cast<std::uint8_t>(std::lround(255 * Shade(world_from_cam.translation, ray)));
-        for (int c = 0; c < 3; ++c) image.Pixel(x, y)[c] = grey;
-      }
-    }
-    const std::string name = "p" + std::to_string(pictures_.size()) + ".png";
-    fs::create_directories(folder_ / "images");
-    io::WriteImage(folder_ / "images" / name, image);
-    pictures_.push_back({.name = name, .width = kWidth, .height = kHeight, .focal_px = 380});
-    truth_.push_back(world_from_cam);
-  }
-
-  sfm::Reconstruction Run(sfm::ReconstructionOptions options = {.features = 600, .threads = 2}) {
-    return sfm::Reconstruct(
-        pictures_, folder_ / "images", folder_ / "work", options, [this](const std::string& line) {
-          decisions_.push_back(line);
-        });
-  }
-
-  fs::path folder_;
-  std::vector<sfm::Picture> pictures_;
-  std::vector<io::Rigid3d> truth_;
-  std::vector<std::string> decisions_;
-};
 
 TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
   if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
@@ -121,7 +31,12 @@ TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
   EXPECT_LT(result.model.mean_reprojection_error_px, 1.0);
   EXPECT_GT(result.triangulation_angle_deg, 5);
   EXPECT_TRUE(fs::exists(result.database));
-  EXPECT_FALSE(decisions_.empty());
+  EXPECT_EQ(Decided("trying again"), 0);
+  // Weighted by the size of the features, all of which are found again.
+  EXPECT_LT(std::count_if(result.model.observations.begin(),
+                          result.model.observations.end(),
+                          [](const io::Observation& o) { return o.sigma == 1; }),
+            0.1 * static_cast<double>(result.model.observations.size()));
   // The world is free up to a similarity: compare rotations, and ratios of distances, between pictures.
   const auto& frames = scene.frames;
   const double scale = (truth_[6].translation - truth_[0].translation).norm() /
@@ -142,8 +57,7 @@ TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
 
 TEST_F(SmallCapture, TheNumberOfThreadsChangesNoBit) {
   if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
-  for (int i = 0; i < 5; ++i)
-    Add(LookAt({1.6 * std::sin(0.16 * i), 0.1 * i, 1.6 * std::cos(0.16 * i)}, {0, 0, 0}));
+  AddWalk(5);
   const sfm::Reconstruction one = Run({.features = 600, .threads = 1});
   fs::remove_all(folder_ / "work");
   const sfm::Reconstruction three = Run({.features = 600, .threads = 3});
@@ -161,23 +75,43 @@ TEST_F(SmallCapture, TheNumberOfThreadsChangesNoBit) {
 
 TEST_F(SmallCapture, AStrongerAttemptIsMadeAndItsReasonGiven) {
   if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
-  for (int i = 0; i < 5; ++i)
-    Add(LookAt({1.6 * std::sin(0.16 * i), 0.1 * i, 1.6 * std::cos(0.16 * i)}, {0, 0, 0}));
-  // Nothing in common with the others.
-  fs::create_directories(folder_ / "images");
-  io::Image noise = io::MakeImage(kWidth, kHeight, 3);
-  for (std::size_t i = 0; i < noise.data.size(); ++i) {
-    noise.data[i] = static_cast<std::uint8_t>(255 * CellValue(static_cast<int>(i / 3), 7, 99));
-  }
-  io::WriteImage(folder_ / "images" / "stranger.png", noise);
-  pictures_.push_back({.name = "stranger.png", .width = kWidth, .height = kHeight, .focal_px = 380});
+  AddWalk(5);
+  AddStranger("stranger.png");
   const sfm::Reconstruction result = Run();
   ASSERT_EQ(result.unregistered.size(), 1u);
   EXPECT_EQ(result.unregistered[0].name, "stranger.png");
   EXPECT_EQ(result.unregistered[0].cause.substr(0, 11), "no overlap:") << result.unregistered[0].cause;
-  bool tried = false;
-  for (const std::string& line : decisions_) tried |= line.find("trying again with") != std::string::npos;
-  EXPECT_TRUE(tried);
+  EXPECT_EQ(Decided("trying again with a relaxed start"), 1);
+  EXPECT_EQ(Decided("trying again with up to 8192 features"), 1);
+  EXPECT_EQ(result.database.parent_path().filename(), "attempt1") << "none of the others was better";
+  EXPECT_GT(fs::file_size(folder_ / "work" / "attempt3" / "database.db"), fs::file_size(result.database))
+      << "more features";
+}
+
+TEST_F(SmallCapture, AttemptsBeyondTheCeilingOfTimeAreNotMade) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  AddWalk(4);
+  AddStranger("stranger.png");
+  EXPECT_EQ(Run({.features = 600, .retry_minutes = 1e-6, .threads = 2}).unregistered.size(), 1u);
+  EXPECT_EQ(Decided("trying again"), 0);
+  EXPECT_EQ(Decided("not tried: a relaxed start"), 1);
+}
+
+// COLMAP orders its features by size, so that those of a later attempt with more of them have other numbers.
+TEST_F(SmallCapture, AnEarlierAttemptIsJudgedByItsOwnKeypoints) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  AddWalk(5);
+  AddStranger("stranger.png");
+  const sfm::Reconstruction result = Run({.detector = "colmap", .features = 1000, .threads = 2});
+  EXPECT_EQ(result.database.parent_path().filename(), "attempt1");
+  EXPECT_EQ(Decided("trying again with up to 8192 features"), 1);
+  EXPECT_EQ(Decided("contradict"), 0);
+  // Every observation has found its keypoint; 1 is the sigma of the median only.
+  const auto& observations = result.model.observations;
+  EXPECT_LT(
+      std::count_if(
+          observations.begin(), observations.end(), [](const io::Observation& o) { return o.sigma == 1; }),
+      0.1 * static_cast<double>(observations.size()));
 }
 
 void ExpectCause(const std::function<void()>& run, const std::string& cause) {
@@ -198,17 +132,95 @@ TEST_F(SmallCapture, ACameraThatOnlyTurnsHasNoBaseline) {
     Add(LookAt(eye, eye - Eigen::Vector3d(std::sin(angle), 0.3 * std::sin(3 * angle), std::cos(angle))));
   }
   ExpectCause([&] { Run(); }, "no baseline: ");
+  EXPECT_EQ(Decided("trying again"), 0) << "stronger settings do not move the camera";
+}
+
+TEST_F(SmallCapture, AFragmentIsRefused) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  AddWalk(4);
+  for (const char* name : {"x.png", "y.png", "z.png"}) AddStranger(name);
+  ExpectCause([&] { Run({.features = 600, .retry_minutes = 0, .threads = 2}); },
+              "no overlap: only 4 of 7 pictures");
+  EXPECT_EQ(Decided("tried"), 0);
+}
+
+TEST_F(SmallCapture, NothingBehindAMaskIsUsed) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  AddWalk(4);
+  io::Mask mask{kWidth, kHeight, std::vector<std::uint8_t>(kWidth * kHeight)};
+  for (std::size_t p = 0; p < mask.used.size(); ++p) mask.used[p] = p % kWidth < 100 ? 0 : 255;
+  fs::create_directories(folder_ / "masks");
+  for (const sfm::Picture& picture : pictures_) io::WriteMask(folder_ / "masks" / picture.name, mask);
+  const sfm::Reconstruction result = Run({.features = 600, .masks_folder = folder_ / "masks", .threads = 2});
+  ASSERT_EQ(result.model.scene.frames.size(), 4u);
+  for (const io::Observation& o : result.model.observations) EXPECT_GT(o.xy.x(), 99);
+}
+
+// Without features, only the order of the pictures says which are matched.
+TEST_F(SmallCapture, PairsAreChosenByNumberAndKind) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  const auto decide = [&](int n, bool video, const std::string& matching) {
+    pictures_.clear();
+    fs::remove_all(folder_ / "work");
+    AddBlank(n, video);
+    ExpectCause([&] { Run({.features = 600, .matching = matching}); }, "no texture: ");
+    return decisions_.back();
+  };
+  EXPECT_EQ(decide(30, false, "auto"), "matching all 435 pairs of 30 pictures");
+  EXPECT_EQ(decide(31, false, "auto").substr(0, 38), "matching 59 of 465 pairs: the most ali");
+  EXPECT_EQ(decide(31, true, "auto").substr(0, 38), "matching 212 of 465 pairs: following f");
+  EXPECT_EQ(decide(31, true, "exhaustive"), "matching all 465 pairs of 31 pictures");
+}
+
+// Captures of numbers instead of pictures, from their matches on.
+class GeneratedCapture : public SmallCapture {
+ protected:
+  sfm::Reconstruction Run(const sfm::CaptureOptions& options) {
+    const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture(options);
+    pictures_ = capture.pictures;
+    return sfm::ReconstructMatches(pictures_,
+                                   capture.features,
+                                   capture.matches,
+                                   folder_ / "work",
+                                   {.threads = 2},
+                                   [this](const std::string& line) { decisions_.push_back(line); });
+  }
+};
+
+// Parallel cameras on a line do not tell the focal length; an overlay stands still in all pictures.
+TEST_F(GeneratedCapture, OverlaysAreRemovedAndKnownFocalLengthsKept) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  const sfm::Reconstruction result = Run({.trajectory = sfm::Trajectory::kLine,
+                                          .pictures = 8,
+                                          .points = 150,
+                                          .baseline = 0.15,
+                                          .noise_px = 0.5,
+                                          .outliers = sfm::Outliers::kStaticOverlay,
+                                          .outlier_share = 0.4});
+  EXPECT_EQ(result.model.scene.frames.size(), 8u);
+  EXPECT_EQ(Decided("matches that stand still in the picture"), 1);
+  EXPECT_EQ(Decided("held at 1280 px (known)"), 1);
+  EXPECT_EQ(Decided("a focal length per picture"), 0) << "one picture tells it even less";
+}
+
+TEST_F(GeneratedCapture, WhereSidesLookAlikeOnlyFollowingPicturesAreTrusted) {
+  if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
+  const sfm::CaptureOptions box{
+      .structure = sfm::Structure::kIdenticalSides, .pictures = 16, .points = 400, .noise_px = 0.5};
+  ExpectCause([&] { Run(box); }, "no consistent model: ");
+  EXPECT_EQ(Decided("trying again with following pictures only"), 1);
+  std::map<std::string, int> position;
+  for (const sfm::Picture& picture : pictures_) position.emplace(picture.name, position.size());
+  const auto pairs = sfm::ReadVerifiedPairs(folder_ / "work" / "attempt2" / "database.db");
+  EXPECT_GT(pairs.size(), 15u);
+  for (const sfm::VerifiedPair& pair : pairs) {
+    EXPECT_LE(std::abs(position[pair.name_a] - position[pair.name_b]), 3);
+  }
 }
 
 TEST_F(SmallCapture, BlankPicturesHaveNoTexture) {
   if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
-  fs::create_directories(folder_ / "images");
-  for (const char* name : {"a.png", "b.png", "c.png"}) {
-    io::Image image = io::MakeImage(kWidth, kHeight, 3);
-    std::fill(image.data.begin(), image.data.end(), std::uint8_t{128});
-    io::WriteImage(folder_ / "images" / name, image);
-    pictures_.push_back({.name = name, .width = kWidth, .height = kHeight});
-  }
+  AddBlank(3);
   ExpectCause([&] { Run(); }, "no texture: ");
 }
 
