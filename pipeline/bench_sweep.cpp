@@ -267,7 +267,7 @@ void WriteGrowthPlot(const fs::path& path, const std::vector<Run>& runs) {
     }
     series.push_back(std::move(line));
   };
-  add("whole run", [](const Run& r) { return r.use.wall_s; });
+  add("total", [](const Run& r) { return r.use.wall_s; });
   add("features", [](const Run& r) { return r.times.features_s; });
   add("matching", [](const Run& r) { return r.times.matching_s; });
   add("verifying", [](const Run& r) { return r.times.verifying_s; });

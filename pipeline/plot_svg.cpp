@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <limits>
 
 namespace pipeline {
@@ -178,10 +179,14 @@ std::string StandaloneSvg(const std::vector<std::string>& plots) {
   std::string svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + width + " " + height +
                     "\" width=\"" + Number(2 * kWidth) +
                     "\"><style>text{font:13px sans-serif;fill:#555}text.dot{font-size:6px}.grid{stroke:#ddd}"
-                    "polyline{fill:none;stroke-width:2}"
-                    "polyline.series-0{stroke:#2868c0}circle.series-0,text.series-0{fill:#2868c0}"
-                    "polyline.series-1{stroke:#d07020}circle.series-1,text.series-1{fill:#d07020}"
-                    "</style><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
+                    "polyline{fill:none;stroke-width:2}";
+  const char* const colors[] = {"#2868c0", "#d07020", "#208050", "#a03080", "#707020", "#c03030"};
+  for (std::size_t k = 0; k < std::size(colors); ++k) {
+    const std::string name = ".series-" + std::to_string(k), color = colors[k];
+    svg +=
+        "polyline" + name + "{stroke:" + color + "}circle" + name + ",text" + name + "{fill:" + color + "}";
+  }
+  svg += "</style><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
   for (std::size_t i = 0; i < plots.size(); ++i) {
     if (plots[i].empty()) continue;
     // As a group: many viewers place an <svg> inside another one wrongly.

@@ -23,7 +23,7 @@ struct PlotOptions {
 // An <svg> element; empty when no series has two points to draw (one point, in a scatter plot).
 std::string PlotSvg(const std::vector<PlotSeries>& series, const PlotOptions& options);
 
-// A whole SVG file with the plots below each other, in colours of its own.
+// A whole SVG file with the plots below each other, in colours of its own for up to 6 series.
 std::string StandaloneSvg(const std::vector<std::string>& plots);
 
 // & < > " ' as HTML entities.

@@ -34,6 +34,22 @@ io::ColmapModel ReadModel(const fs::path& folder, const std::map<std::string, co
   return model;
 }
 
+// Whoever compares rays looks keypoints up by these indices.
+void CheckMatches(const CaptureEvidence& evidence) {
+  std::map<std::string, int> counts;
+  for (const PictureFeatures& picture : evidence.features) counts[picture.name] = picture.count;
+  for (const VerifiedPair& pair : evidence.pairs) {
+    const int n_a = counts[pair.name_a], n_b = counts[pair.name_b];
+    for (const auto& [a, b] : pair.matches) {
+      if (a >= 0 && a < n_a && b >= 0 && b < n_b) continue;
+      throw io::Error(io::ExitCode::kMissingTool,
+                      "colmap verified a match of " + pair.name_a + " and " + pair.name_b +
+                          " between keypoints that do not exist",
+                      "Install a COLMAP from 3.8 to 4.x (apt-get install colmap)");
+    }
+  }
+}
+
 std::set<std::string> FrameNames(const io::ColmapModel& model) {
   std::set<std::string> names;
   for (const io::Frame& frame : model.scene.frames) names.insert(frame.image_path.string());
@@ -97,6 +113,7 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
   attempt.verifying_s = verifying.seconds();
   attempt.evidence = {Summaries(attempt.views->names, attempt.views->features),
                       ReadVerifiedPairs(colmap.database())};
+  CheckMatches(attempt.evidence);
 
   const io::Stopwatch mapping;
   std::map<std::string, const Picture*> by_name;

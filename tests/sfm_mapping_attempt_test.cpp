@@ -38,14 +38,15 @@ class Mapping : public StandInColmap {
     fs::remove(folder_ / "empty.db");
     CreateDatabase(folder_ / "empty.db", false);
     const std::string f = folder_.string();
-    Install("cd " + f +
-            "\n"
-            "case $1 in\n"
-            "  database_creator) cp empty.db \"$3\";;\n"
-            "  matches_importer) cp \"$5\" pairs.txt;;\n"
-            "  mapper) cp -r models/* \"$7\";;\n"
-            "  model_merger) cp merged/* \"$7\"; touch was_merged;;\n"
-            "esac");
+    Install(
+        "cd " + f +
+        "\n"
+        "case $1 in\n"
+        "  database_creator) cp empty.db \"$3\";;\n"
+        "  matches_importer) cp \"$5\" pairs.txt; if [ -f verified.db ]; then cp verified.db \"$3\"; fi;;\n"
+        "  mapper) cp -r models/* \"$7\";;\n"
+        "  model_merger) cp merged/* \"$7\"; touch was_merged;;\n"
+        "esac");
     fs::remove(folder_ / "was_merged");
     std::vector<sfm::Picture> pictures;
     for (int i = 0; i < kPictures; ++i) {
@@ -118,6 +119,21 @@ TEST_F(Mapping, AnAttemptKeepsWhatItWasMadeFrom) {
   ASSERT_EQ(attempt.matches.size(), 2u);
   EXPECT_EQ(attempt.matches[0].matches.size(), 14u);
   EXPECT_EQ(attempt.Registered(), 4);
+}
+
+TEST_F(Mapping, MatchesOfKeypointsThatDoNotExistAreNotBelieved) {
+  CreateDatabase(folder_ / "verified.db", false);
+  sqlite3* handle = nullptr;
+  ASSERT_EQ(sqlite3_open((folder_ / "verified.db").c_str(), &handle), SQLITE_OK);
+  // Of the first two pictures; pair_id = 2147483647 id_a + id_b.
+  const char* pair = "INSERT INTO two_view_geometries VALUES(2147483649, 1, 2, X'0000000000000000', 2);";
+  ASSERT_EQ(sqlite3_exec(handle, pair, nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(handle);
+  const std::vector<sfm::PairMatches> matches = {
+      {.a = 0, .b = 1, .matches = std::vector<std::array<int, 2>>(15)}};
+  EXPECT_ERROR(Attempt({Part(0, 4)}, Part(0, 4), matches),
+               io::ExitCode::kMissingTool,
+               "p0.png and p1.png between keypoints that do not exist");
 }
 
 TEST_F(Mapping, NoModelIsAnAttemptToo) { EXPECT_EQ(Attempt({}, Part(0, 4)).Registered(), 0); }
