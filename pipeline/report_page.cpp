@@ -140,7 +140,7 @@ std::string ScenePart(const ReportData& data) {
   if (data.scene_json.empty()) return Soft("No scene: the stage normalize has not finished.");
   std::string json = data.scene_json;  // numbers only, but "</" must never stand in a script element
   for (std::size_t at = 0; (at = json.find("</", at)) != std::string::npos; at += 3)
-    json.insert(at + 1, "\\");
+    json.insert(at + 1, 1, '\\');
   return "<div><canvas id=\"scene\"></canvas><script type=\"application/json\" id=\"scene-data\">" + json +
          "</script>\n" +
          Soft(
