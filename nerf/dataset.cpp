@@ -122,7 +122,8 @@ Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
   std::size_t total = 0;
   for (const io::Image& image : images)
     total += static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
-  dataset.pixels.reserve(total * channels);
+  dataset.pixels.resize(total * channels);
+  std::size_t first_pixel = 0;
   for (std::size_t i = 0; i < n; ++i) {
     const io::Image& image = images[i];
     const io::Frame& frame = scene.frames[i];
@@ -136,10 +137,16 @@ Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
              scene.cameras[static_cast<std::size_t>(frame.camera_index)], frame.world_from_cam, pixel_offset),
          image.width,
          image.height,
-         dataset.n_pixels()});
+         first_pixel});
+    first_pixel += static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
     const auto source_channels = static_cast<std::size_t>(image.channels);
-    for (std::size_t p = 0; p < image.data.size(); p += source_channels) {
-      dataset.pixels.insert(dataset.pixels.end(), &image.data[p], &image.data[p] + channels);
+    const std::size_t n_pixels = image.data.size() / source_channels;
+    std::uint8_t* pixels = &dataset.pixels[dataset.views[i].first_pixel * channels];
+    if (source_channels == channels) {
+      std::copy(image.data.begin(), image.data.end(), pixels);
+    } else {
+      for (std::size_t p = 0; p < n_pixels; ++p)
+        std::copy_n(&image.data[p * source_channels], channels, pixels + p * channels);
     }
     for (std::size_t p = 0; has_alpha && p < masks[i].used.size(); ++p) {
       if (!masks[i].Uses(p)) dataset.pixels[(dataset.views[i].first_pixel + p) * channels + 3] = 255;

@@ -106,15 +106,75 @@ void CellPointsOf(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t 
   }
 }
 
-// Centre and enclosing radius of a cell in scene coordinates.
-void CellBall(
-    const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t cell, Eigen::Vector3f* x, float* radius) {
-  CellPoints points;
-  CellPointsOf(grid, map, cell, &points);
-  *x = points[8];
-  *radius = 0;
-  for (const Eigen::Vector3f& corner : points) *radius = std::max(*radius, (corner - *x).norm());
-}
+// Carves the visual hull from blocks to cells: a block that some view sees wholly on transparent pixels is
+// empty as one, and only the others are looked at in finer parts.
+class HullCarver {
+ public:
+  HullCarver(const std::vector<Projector>& projectors,
+             const std::vector<std::unique_ptr<AlphaCount>>& counts,
+             const SpaceMap& map,
+             OccupancyGrid* grid)
+      : projectors_(projectors), counts_(counts), map_(map), grid_(grid) {}
+
+  // Marks the cells of the block with the given first cell and side, and widens the box around the
+  // candidates.
+  void Carve(const std::array<int, 3>& first, int side, std::array<float, 6>* box) const {
+    const float cell_size = 1.f / static_cast<float>(grid_->resolution());
+    if (IsEmpty(first, side)) {
+      for (int z = first[2]; z < first[2] + side; ++z) {
+        for (int y = first[1]; y < first[1] + side; ++y) {
+          for (int x = first[0]; x < first[0] + side; ++x) grid_->SetEmpty(CellOf({x, y, z}));
+        }
+      }
+    } else if (side == 1) {
+      grid_->SetCandidate(CellOf(first));
+      for (std::size_t i = 0; i < 3; ++i) {
+        (*box)[i] = std::min((*box)[i], static_cast<float>(first[i]) * cell_size);
+        (*box)[i + 3] = std::max((*box)[i + 3], static_cast<float>(first[i] + 1) * cell_size);
+      }
+    } else {
+      const int half = side / 2;
+      for (int child = 0; child < 8; ++child) {
+        Carve({first[0] + (child & 1) * half,
+               first[1] + (child >> 1 & 1) * half,
+               first[2] + (child >> 2) * half},
+              half,
+              box);
+      }
+    }
+  }
+
+ private:
+  std::uint32_t CellOf(const std::array<int, 3>& cell) const {
+    const int n = grid_->resolution();
+    return static_cast<std::uint32_t>((cell[2] * n + cell[1]) * n + cell[0]);
+  }
+
+  // Whether some view sees the ball around the block inside the picture and on transparent pixels only.
+  bool IsEmpty(const std::array<int, 3>& first, int side) const {
+    const float cell_size = 1.f / static_cast<float>(grid_->resolution());
+    float unit[3];
+    Eigen::Vector3f centre;
+    for (std::size_t i = 0; i < 3; ++i)
+      unit[i] = (static_cast<float>(first[i]) + 0.5f * static_cast<float>(side)) * cell_size;
+    map_.FromUnit(unit, centre.data());
+    const float radius = 0.5f * std::sqrt(3.f) * static_cast<float>(side) * cell_size * map_.InnerSide();
+    for (std::size_t v = 0; v < projectors_.size(); ++v) {
+      Eigen::Vector2f at;
+      float depth, radius_px;
+      if (projectors_[v].Project(centre, radius, &at, &depth, &radius_px) &&
+          projectors_[v].Contains(at, radius_px) && !counts_[v]->AnyIn(at, radius_px)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  const std::vector<Projector>& projectors_;
+  const std::vector<std::unique_ptr<AlphaCount>>& counts_;
+  const SpaceMap& map_;
+  OccupancyGrid* grid_;
+};
 
 }  // namespace
 
@@ -124,6 +184,7 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
                                   Workers* workers,
                                   OccupancyGrid* grid) {
   PIPELINE_CHECK_EQ(dataset.channels, 4);
+  PIPELINE_CHECK(!map.unbounded);  // blocks of a contracted cube have no common radius
   const std::size_t n_views = dataset.views.size();
   std::vector<Projector> projectors;
   std::vector<std::unique_ptr<AlphaCount>> counts(n_views);
@@ -132,35 +193,15 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
     counts[static_cast<std::size_t>(i)] =
         std::make_unique<AlphaCount>(dataset, dataset.views[static_cast<std::size_t>(i)]);
   });
-  const int n = grid->resolution();
-  std::vector<std::array<float, 6>> boxes(static_cast<std::size_t>(n), {1, 1, 1, 0, 0, 0});
-  workers->Run(n, [&](int slab, int) {
-    std::array<float, 6>& box = boxes[static_cast<std::size_t>(slab)];
-    const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
-    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells;
-         cell < static_cast<std::uint32_t>(slab + 1) * cells;
-         ++cell) {
-      Eigen::Vector3f x;
-      float radius, depth, radius_px;
-      CellBall(*grid, map, cell, &x, &radius);
-      bool empty = false;
-      for (std::size_t v = 0; v < n_views && !empty; ++v) {
-        Eigen::Vector2f centre;
-        empty = projectors[v].Project(x, radius, &centre, &depth, &radius_px) &&
-                projectors[v].Contains(centre, radius_px) && !counts[v]->AnyIn(centre, radius_px);
-      }
-      if (empty) {
-        grid->SetEmpty(cell);
-        continue;
-      }
-      grid->SetCandidate(cell);
-      const std::array<float, 3> unit = grid->CellCentre(cell);
-      const float half = 0.5f / static_cast<float>(n);
-      for (std::size_t i = 0; i < 3; ++i) {
-        box[i] = std::min(box[i], unit[i] - half);
-        box[i + 3] = std::max(box[i + 3], unit[i] + half);
-      }
-    }
+  const HullCarver carver(projectors, counts, map, grid);
+  constexpr int kBlock = 16;  // side of the first blocks; the resolution is a multiple of 64
+  const int per_axis = grid->resolution() / kBlock;
+  std::vector<std::array<float, 6>> boxes(static_cast<std::size_t>(per_axis * per_axis * per_axis),
+                                          {1, 1, 1, 0, 0, 0});
+  workers->Run(static_cast<int>(boxes.size()), [&](int i, int) {
+    carver.Carve({i % per_axis * kBlock, i / per_axis % per_axis * kBlock, i / per_axis / per_axis * kBlock},
+                 kBlock,
+                 &boxes[static_cast<std::size_t>(i)]);
   });
   std::array<float, 6> box = {1, 1, 1, 0, 0, 0};
   for (const auto& b : boxes) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <optional>
 
 #include "io/check.h"
 #include "io/interrupt.h"
@@ -44,11 +45,11 @@ class Trainer {
           const TrainOptions& options,
           const std::filesystem::path& folder)
       : scene_(scene),
+        heldout_(heldout),
         options_(options),
         folder_(folder),
         workers_(options.threads),
         dataset_(LoadDataset(scene, options.threads, PixelOffset())),
-        monitor_(heldout, options.threads, PixelOffset()),
         curve_(folder / "curve.csv") {}
 
   TrainReport Run();
@@ -65,12 +66,14 @@ class Trainer {
   void Monitor(double elapsed_s);
   void Save(double elapsed_s);
 
-  const io::Scene& scene_;
+  // Training time counts from here on, the reading of the pictures included.
+  const Clock::time_point start_ = Clock::now();
+  const io::Scene &scene_, &heldout_;
   const TrainOptions options_;
   const std::filesystem::path folder_;
   Workers workers_;
   const Dataset dataset_;
-  HeldoutMonitor monitor_;
+  std::optional<HeldoutMonitor> monitor_;
   std::unique_ptr<SceneField> scene_field_;
   TrainState state_;
   TrainingCurve curve_;
@@ -163,7 +166,7 @@ void Trainer::Monitor(double elapsed_s) {
   CurvePoint point{
       .step = state_.step, .wall_s = elapsed_s, .cpu_s = CpuSeconds() - excluded_cpu_s_, .loss = loss_};
   point.train_psnr = -10 * std::log10(std::max(state_.squared_error, 1e-12));
-  point.heldout_psnr = monitor_.Psnr(*scene_field_, &workers_);
+  point.heldout_psnr = monitor_->Psnr(*scene_field_, &workers_);
   report_.curve.push_back(point);
   curve_.Add(point);
   report_.heldout_psnr = point.heldout_psnr;
@@ -176,12 +179,11 @@ void Trainer::Save(double elapsed_s) {
 }
 
 TrainReport Trainer::Run() {
-  const Clock::time_point start = Clock::now();
   Begin();
-  // Monitoring and checkpoints do not count as training time; making the field does.
+  // Monitoring and checkpoints do not count as training time; reading pictures and making the field do.
   const double resumed_s = state_.elapsed_s;
   double excluded_s = 0;
-  const auto elapsed = [&] { return resumed_s + Seconds(Clock::now() - start) - excluded_s; };
+  const auto elapsed = [&] { return resumed_s + Seconds(Clock::now() - start_) - excluded_s; };
   const auto excluding = [&](auto&& work) {
     const Clock::time_point begin = Clock::now();
     const double cpu_begin = CpuSeconds();
@@ -189,6 +191,7 @@ TrainReport Trainer::Run() {
     excluded_s += Seconds(Clock::now() - begin);
     excluded_cpu_s_ += CpuSeconds() - cpu_begin;
   };
+  excluding([&] { monitor_.emplace(heldout_, options_.threads, PixelOffset()); });
   io::Progress bar("train");
   double next_monitor_s = std::max(kFirstMonitorS, resumed_s * kMonitorGrowth);
   double next_save_s = elapsed() + options_.checkpoint_every_s;

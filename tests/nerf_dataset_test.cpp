@@ -15,6 +15,7 @@
 #include "nerf/ray_batch.h"
 #include "nerf/scene_field.h"
 #include "nerf/volume_rendering.h"
+#include "tests/ball_scene.h"
 #include "tests/temp_dir.h"
 
 namespace nerf {
@@ -208,6 +209,47 @@ TEST(DrawRays, ComeFromUsedPixelsAloneAndFromAllOfThemAlike) {
     if (views.Uses(pixel)) chi2 += (counts[pixel] - expected) * (counts[pixel] - expected) / expected;
   }
   EXPECT_NEAR(chi2, 527, 5 * std::sqrt(2 * 527.0));
+}
+
+// Every point of the ball lies in a candidate cell; a cell whose eight corners one view sees well beside the
+// ball is empty; the box holds the candidates and no more.
+TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
+  const TempDir dir;
+  const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96});
+  const SpaceMap map = SpaceMap::FromScene(scene, false);
+  Workers workers(2);
+  OccupancyGrid grid(64, map);
+  const std::array<float, 6> box = CarveByMasks(scene, LoadDataset(scene, 1), map, &workers, &grid);
+  // In the picture the ball's disc has a radius of 0.8 / 4 of the focal length, a little more off the centre;
+  // two pixels cover the edge and the square around a cell's ball.
+  const double disc = 1.05 * 0.2 * scene.cameras[0].fl_x + 2;
+  const double cell_px = scene.cameras[0].fl_x * 2.4 / 64 / 2.8;
+  std::array<float, 6> candidates = {1, 1, 1, 0, 0, 0};
+  int n_candidates = 0;
+  for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
+    const std::array<float, 3> unit = grid.CellCentre(cell);
+    Eigen::Vector3f x;
+    map.FromUnit(unit.data(), x.data());
+    const bool candidate = !grid.IsNeverOccupied(cell);
+    ASSERT_TRUE(candidate || x.norm() > 0.8f) << x.transpose();
+    bool beside = false;
+    for (const io::Frame& frame : scene.frames) {
+      const auto at = io::ImgFromCam(scene.cameras[0], frame.world_from_cam.Inverse() * x.cast<double>());
+      ASSERT_TRUE(at);
+      const double margin = 2 * cell_px;
+      const bool inside = at->minCoeff() > margin && at->maxCoeff() < 96 - margin;
+      beside |= inside && (*at - Eigen::Vector2d(48, 48)).norm() > disc + margin;
+    }
+    ASSERT_FALSE(beside && candidate) << x.transpose();
+    if (!candidate) continue;
+    ++n_candidates;
+    for (std::size_t i = 0; i < 3; ++i) {
+      candidates[i] = std::min(candidates[i], unit[i] - 0.5f / 64);
+      candidates[i + 3] = std::max(candidates[i + 3], unit[i] + 0.5f / 64);
+    }
+  }
+  EXPECT_GT(n_candidates, 5000);
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(box[i], candidates[i], 1e-6) << i;
 }
 
 // Two views along +z and -z whose masks use the left half of what each sees, which is one half of the space.
