@@ -78,10 +78,12 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
   const Json& config = header["config"];
   if (kind == "hash") {
     return std::make_unique<HashField>(
-        HashFieldOptions{.n_levels = Get(path, config, "n_levels", 8, 8),
-                         .log2_hashmap_size = Get(path, config, "log2_hashmap_size", 1, 24),
-                         .base_resolution = Get(path, config, "base_resolution", 1, 1024),
-                         .finest_resolution = Get(path, config, "finest_resolution", 1, 1 << 20)},
+        HashFieldOptions{.grid = {.n_levels = Get(path, config, "n_levels", 8, 8),
+                                  .log2_hashmap_size = Get(path, config, "log2_hashmap_size", 1, 24),
+                                  .base_resolution = Get(path, config, "base_resolution", 1, 1024),
+                                  .finest_resolution = Get(path, config, "finest_resolution", 1, 1 << 20),
+                                  .bf16 = Get(path, config, "bf16_table", 0, 1) == 1},
+                         .bf16_network = Get(path, config, "bf16_network", 0, 1) == 1},
         0);
   }
   if (kind != "nerf") Reject(path, "holds a field of unknown kind '" + kind + "'");

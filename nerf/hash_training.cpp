@@ -1,7 +1,9 @@
 // Training steps of the `hash` field: Adam on tables and networks, own kernels throughout.
 #include <cmath>
+#include <variant>
 
 #include "nerf/field_training.h"
+#include "nerf/hash_field.h"
 #include "nerf/train_shard.h"
 #include "nerf/trainer.h"
 
@@ -17,20 +19,24 @@ constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // is.
 constexpr std::uint64_t kProbeStride = 16, kSweepSteps = 256;
 
+template <typename Real>
 class HashTraining : public FieldTraining {
  public:
   HashTraining(const Dataset& dataset, const TrainOptions& options, SceneField* scene_field, Workers* workers)
       : dataset_(dataset),
         options_(options),
         scene_field_(scene_field),
-        field_(dynamic_cast<HashField&>(*scene_field->field)),
+        grid_(dynamic_cast<HashField&>(*scene_field->field).grid()),
+        network_(std::get<HashNetwork<Real>>(dynamic_cast<HashField&>(*scene_field->field).network())),
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
         candidates_(scene_field->grid.Candidates()) {}
 
   StepOutcome Step(double progress, TrainState* state) override;
-  std::string Arithmetic() const override { return std::string(kernels::ActiveKernels().name) + " kernels"; }
+  std::string Arithmetic() const override {
+    return std::string(kernels::ActiveKernels().name) + " kernels, " + (sizeof(Real) == 2 ? "bf16" : "fp32");
+  }
 
  private:
   double LearningRate() const {
@@ -41,22 +47,26 @@ class HashTraining : public FieldTraining {
   const Dataset& dataset_;
   const TrainOptions& options_;
   SceneField* scene_field_;
-  HashField& field_;
+  HashGrid& grid_;
+  HashNetwork<Real>& network_;
   Workers* workers_;
-  std::vector<ShardResult> shards_;
-  std::vector<ShardScratch> scratch_;
+  std::vector<ShardResult<Real>> shards_;
+  std::vector<ShardScratch<Real>> scratch_;
   std::vector<std::uint32_t> candidates_;  // cells that may hold something
 };
 
-StepOutcome HashTraining::Step(double progress, TrainState* state) {
+template <typename Real>
+StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_rays = state->n_rays, .n_shards = kShards};
   const double share = std::min(1.0, progress / options_.step_scale_share);
   plan.step_scale = static_cast<float>(std::pow(options_.first_step_scale, 1.0 - share));
   plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
+  plan.min_weight = static_cast<float>(options_.min_weight);
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
   workers_->Run(kShards, [&](int shard, int thread) {
     TrainShard(dataset_,
-               field_,
+               grid_,
+               network_,
                sampler,
                plan,
                shard,
@@ -64,7 +74,7 @@ StepOutcome HashTraining::Step(double progress, TrainState* state) {
                &shards_[static_cast<std::size_t>(shard)]);
   });
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
-  for (const ShardResult& shard : shards_) {
+  for (const ShardResult<Real>& shard : shards_) {
     outcome.n_samples += shard.visited_cell.size();
     outcome.loss += shard.loss / plan.n_rays;
     outcome.opacity += shard.opacity / plan.n_rays;
@@ -87,7 +97,8 @@ StepOutcome HashTraining::Step(double progress, TrainState* state) {
 
 // Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and
 // occupancy.
-void HashTraining::Merge(double progress, const TrainState& state) {
+template <typename Real>
+void HashTraining<Real>::Merge(double progress, const TrainState& state) {
   const double tail =
       std::max(0.0, progress - options_.learning_rate_hold) / (1.0 - options_.learning_rate_hold);
   const auto t = static_cast<double>(state.step + 1);
@@ -96,24 +107,24 @@ void HashTraining::Merge(double progress, const TrainState& state) {
                                           std::pow(options_.learning_rate_final, tail));
   step.correction1 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta1}, t)));
   step.correction2 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta2}, t)));
-  const int n_levels = static_cast<int>(field_.levels().size());
+  const int n_levels = static_cast<int>(grid_.levels().size());
   workers_->Run(n_levels + 1, [&](int task, int) {
     if (task < n_levels) {
       const int level = n_levels - 1 - task;  // the finest, slowest levels first
-      for (const ShardResult& shard : shards_) {
-        const float* gradients =
+      for (const ShardResult<Real>& shard : shards_) {
+        const Real* gradients =
             shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
-        field_.Scatter(level, gradients, shard.samples, shard.samples.size());
+        grid_.Scatter(level, gradients, shard.samples, shard.samples.size());
       }
-      field_.StepTable(level, step);
+      grid_.Step(level, step);
       return;
     }
     std::vector<float>& sum = shards_[0].weight_gradients;
     for (std::size_t s = 1; s < shards_.size(); ++s) {
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += shards_[s].weight_gradients[i];
     }
-    field_.StepWeights(step, sum.data());
-    for (const ShardResult& shard : shards_) {
+    network_.Step(step, sum.data());
+    for (const ShardResult<Real>& shard : shards_) {
       for (std::size_t i = 0; i < shard.visited_cell.size(); ++i)
         scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
     }
@@ -126,7 +137,9 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 Workers* workers) {
-  return std::make_unique<HashTraining>(dataset, options, scene_field, workers);
+  if (dynamic_cast<HashField&>(*scene_field->field).network().index() == 1)
+    return std::make_unique<HashTraining<kernels::Bf16>>(dataset, options, scene_field, workers);
+  return std::make_unique<HashTraining<float>>(dataset, options, scene_field, workers);
 }
 
 }  // namespace nerf

@@ -61,6 +61,9 @@ struct Projector {
   float fl_x, fl_y, cx, cy, width, height;
 };
 
+// Whether a rectangle's pixels have alpha > 0: none, some or all of them.
+enum class Coverage { kNone, kSome, kAll };
+
 // Number of pixels with alpha > 0 in any rectangle, from a summed-area table.
 class AlphaCount {
  public:
@@ -75,7 +78,8 @@ class AlphaCount {
       }
     }
   }
-  bool AnyIn(const Eigen::Vector2f& centre, float radius) const {
+  // Of the square around `centre`.
+  Coverage In(const Eigen::Vector2f& centre, float radius) const {
     const auto clamp = [](float v, int limit) {
       return static_cast<std::size_t>(std::clamp(v, 0.f, static_cast<float>(limit)));
     };
@@ -84,8 +88,10 @@ class AlphaCount {
     const std::size_t y0 = clamp(std::floor(centre.y() - radius), height_),
                       y1 = clamp(std::ceil(centre.y() + radius), height_);
     const auto stride = static_cast<std::size_t>(width_) + 1;
-    return sums_[y1 * stride + x1] + sums_[y0 * stride + x0] !=
-           sums_[y0 * stride + x1] + sums_[y1 * stride + x0];
+    const std::size_t count = std::size_t{sums_[y1 * stride + x1]} + sums_[y0 * stride + x0] -
+                              sums_[y0 * stride + x1] - sums_[y1 * stride + x0];
+    if (count == 0) return Coverage::kNone;
+    return count == (x1 - x0) * (y1 - y0) ? Coverage::kAll : Coverage::kSome;
   }
 
  private:
@@ -107,7 +113,8 @@ void CellPointsOf(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t 
 }
 
 // Carves the visual hull from blocks to cells: a block that some view sees wholly on transparent pixels is
-// empty as one, and only the others are looked at in finer parts.
+// empty as one, a block that all views see on opaque pixels full as one, and only the others are looked at in
+// finer parts.
 class HullCarver {
  public:
   HullCarver(const std::vector<Projector>& projectors,
@@ -119,18 +126,20 @@ class HullCarver {
   // Marks the cells of the block with the given first cell and side, and widens the box around the
   // candidates.
   void Carve(const std::array<int, 3>& first, int side, std::array<float, 6>* box) const {
-    const float cell_size = 1.f / static_cast<float>(grid_->resolution());
-    if (IsEmpty(first, side)) {
+    const Coverage coverage = CoverageOf(first, side);
+    if (coverage == Coverage::kNone || coverage == Coverage::kAll || side == 1) {
+      const bool empty = coverage == Coverage::kNone;
       for (int z = first[2]; z < first[2] + side; ++z) {
         for (int y = first[1]; y < first[1] + side; ++y) {
-          for (int x = first[0]; x < first[0] + side; ++x) grid_->SetEmpty(CellOf({x, y, z}));
+          for (int x = first[0]; x < first[0] + side; ++x)
+            empty ? grid_->SetEmpty(CellOf({x, y, z})) : grid_->SetCandidate(CellOf({x, y, z}));
         }
       }
-    } else if (side == 1) {
-      grid_->SetCandidate(CellOf(first));
+      if (empty) return;
+      const float cell_size = 1.f / static_cast<float>(grid_->resolution());
       for (std::size_t i = 0; i < 3; ++i) {
         (*box)[i] = std::min((*box)[i], static_cast<float>(first[i]) * cell_size);
-        (*box)[i + 3] = std::max((*box)[i + 3], static_cast<float>(first[i] + 1) * cell_size);
+        (*box)[i + 3] = std::max((*box)[i + 3], static_cast<float>(first[i] + side) * cell_size);
       }
     } else {
       const int half = side / 2;
@@ -150,8 +159,9 @@ class HullCarver {
     return static_cast<std::uint32_t>((cell[2] * n + cell[1]) * n + cell[0]);
   }
 
-  // Whether some view sees the ball around the block inside the picture and on transparent pixels only.
-  bool IsEmpty(const std::array<int, 3>& first, int side) const {
+  // kNone when some view sees the ball around the block inside the picture and on transparent pixels only,
+  // kAll when every view sees it inside the picture and on opaque pixels only.
+  Coverage CoverageOf(const std::array<int, 3>& first, int side) const {
     const float cell_size = 1.f / static_cast<float>(grid_->resolution());
     float unit[3];
     Eigen::Vector3f centre;
@@ -159,15 +169,19 @@ class HullCarver {
       unit[i] = (static_cast<float>(first[i]) + 0.5f * static_cast<float>(side)) * cell_size;
     map_.FromUnit(unit, centre.data());
     const float radius = 0.5f * std::sqrt(3.f) * static_cast<float>(side) * cell_size * map_.InnerSide();
+    Coverage result = Coverage::kAll;
     for (std::size_t v = 0; v < projectors_.size(); ++v) {
       Eigen::Vector2f at;
       float depth, radius_px;
+      Coverage seen = Coverage::kSome;
       if (projectors_[v].Project(centre, radius, &at, &depth, &radius_px) &&
-          projectors_[v].Contains(at, radius_px) && !counts_[v]->AnyIn(at, radius_px)) {
-        return true;
+          projectors_[v].Contains(at, radius_px)) {
+        seen = counts_[v]->In(at, radius_px);
       }
+      if (seen == Coverage::kNone) return seen;
+      if (seen == Coverage::kSome) result = seen;
     }
-    return false;
+    return result;
   }
 
   const std::vector<Projector>& projectors_;

@@ -4,6 +4,8 @@
 // of threads.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -23,6 +25,8 @@ struct BatchPlan {
   // Samples a ray contributes to one wave before its transmittance is looked at: what is marched and queried
   // in vain behind a surface is at most one wave.
   int wave_samples = 16;
+  // Samples with less weight are dropped: they carry neither colour nor, relative to the others, gradient.
+  float min_weight = 0;
   int max_samples = 1024;  // per ray; what lies behind is treated as background
 };
 
@@ -31,9 +35,9 @@ struct BatchRay {
   std::uint64_t id;  // in the batch
   Ray ray;
   PixelTarget target;
-  float t, t_last;          // where marching goes on, and where it ends
-  float optical_depth = 0;  // so far
-  int n_kept = 0;           // samples that light reaches
+  float t, t_last;                             // where marching goes on, and where it ends
+  float optical_depth = 0, transmittance = 1;  // so far
+  int n_kept = 0;                              // samples whose weight counts
   bool marching = true;
 };
 
@@ -53,7 +57,7 @@ void DrawRays(
 // no ray is left.
 bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch);
 
-// With the densities of the wave, calls keep(ray, sample) for the samples that light reaches, and ends the
+// With the densities of the wave, calls keep(ray, sample) for the samples whose weight counts, and ends the
 // rays that have become opaque.
 template <typename Keep>
 void EndWave(const BatchPlan& plan, const float* sigma, RayBatch* batch, const Keep& keep) {
@@ -61,9 +65,14 @@ void EndWave(const BatchPlan& plan, const float* sigma, RayBatch* batch, const K
     BatchRay& ray = batch->rays[static_cast<std::size_t>(batch->wave_ray[run])];
     for (int i = batch->wave_first[run]; i < batch->wave_first[run + 1]; ++i) {
       const auto s = static_cast<std::size_t>(i);
-      keep(batch->wave_ray[run], s);
-      ++ray.n_kept;
-      ray.optical_depth += sigma[s] * batch->wave.delta[s];
+      const float tau = sigma[s] * batch->wave.delta[s];
+      // Written so that a NaN is kept, to be found in the loss.
+      if (!(ray.transmittance * std::min(tau, 1.f) < plan.min_weight)) {
+        keep(batch->wave_ray[run], s);
+        ++ray.n_kept;
+      }
+      ray.optical_depth += tau;
+      ray.transmittance = std::exp(-ray.optical_depth);
       if (ray.optical_depth > plan.early_stop_depth) {
         ray.marching = false;
         break;

@@ -133,7 +133,9 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
     }
     field = std::move(network);
   } else {
-    HashFieldOptions hash;
+    HashFieldOptions hash_options = {.bf16_network = options.bf16_network};
+    HashGridOptions& hash = hash_options.grid;
+    hash.bf16 = options.bf16_table;
     hash.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
     const double cells = map.InnerSide() / (kFinestCellPixels * footprint);
     hash.finest_resolution = options.finest_resolution ? options.finest_resolution
@@ -141,7 +143,7 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
     size = std::to_string(hash.n_levels) + " levels, " + std::to_string(hash.base_resolution) + " to " +
            std::to_string(hash.finest_resolution) + " cells, 2^" + std::to_string(hash.log2_hashmap_size) +
            " entries";
-    field = std::make_unique<HashField>(hash, seed);
+    field = std::make_unique<HashField>(hash_options, seed);
   }
 
   auto result = std::make_unique<SceneField>(map, sampling, std::move(field), grid_resolution);

@@ -37,6 +37,8 @@ struct SceneFieldOptions {
   int log2_hashmap_size = 0;
   int finest_resolution = 0;
   int grid_resolution = 0;
+  // `hash`: tables looked up, and products computed, in bfloat16.
+  bool bf16_table = false, bf16_network = false;
   NerfFieldOptions nerf;
 };
 

@@ -5,16 +5,18 @@
 #include <cstdint>
 #include <vector>
 
-#include "nerf/hash_field.h"
+#include "nerf/hash_grid.h"
+#include "nerf/hash_network.h"
 #include "nerf/ray_batch.h"
 
 namespace nerf {
 
+template <typename Real>
 struct ShardResult {
-  // Samples that light reaches, in ray order, and d loss / d features by level: [n_levels][stride / 4][4].
+  // Samples whose weight counts, in ray order, and d loss / d features by level: [n_levels][stride / 4][4].
   Samples samples;
-  std::vector<float> feature_gradients;
-  std::size_t feature_gradient_stride = 0;  // floats between levels
+  std::vector<Real> feature_gradients;
+  std::size_t feature_gradient_stride = 0;  // values between levels
   std::vector<float> weight_gradients;
   // Every marched sample, for the occupancy grid.
   std::vector<std::uint32_t> visited_cell;
@@ -26,21 +28,24 @@ struct ShardResult {
 };
 
 // Scratch of one thread, reused.
+template <typename Real>
 struct ShardScratch {
   RayBatch batch;
   Samples kept;  // in the order they were kept
   std::vector<int> kept_ray;
-  std::vector<float> kept_features, features;  // [n][32]: as kept, and in ray order
-  std::vector<float> delta, tau, weights, logit_gradients, log_sigma_gradients;
-  FieldRows rows;
+  std::vector<Real> wave_features, kept_features, features;  // [n][32]: of a wave, as kept, and in ray order
+  std::vector<float> wave_sigma, delta, tau, weights, logit_gradients, log_sigma_gradients;
+  NetworkRows<Real> rows;
 };
 
+template <typename Real>
 void TrainShard(const Dataset& dataset,
-                const HashField& field,
+                const HashGrid& grid,
+                const HashNetwork<Real>& network,
                 const Sampler& sampler,
                 const BatchPlan& plan,
                 int shard,
-                ShardScratch* scratch,
-                ShardResult* result);
+                ShardScratch<Real>* scratch,
+                ShardResult<Real>* result);
 
 }  // namespace nerf

@@ -36,6 +36,7 @@ struct TrainOptions {
   double learning_rate_final = 0.02;  // ... to this share of the first
   double first_step_scale = 2.5;      // sampling intervals start this much longer ...
   double step_scale_share = 0.3;      // ... and shrink to 1 within this share of the run
+  double min_weight = 1e-4;           // `hash`: samples with less weight are not differentiated
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
   NerfTrainOptions nerf;

@@ -1,6 +1,7 @@
 #include "pipeline/train_options.h"
 
 #include "io/error.h"
+#include "nerf/kernels/kernels.h"
 
 namespace pipeline {
 namespace {
@@ -29,6 +30,16 @@ nerf::DensityActivation DensityOf(const std::string& name) {
 
 void Require(bool holds, const std::string& text) {
   if (!holds) throw Error(ExitCode::kUsage, text, "See --help");
+}
+
+void SetHashPrecision(const std::string& precision, nerf::SceneFieldOptions* field) {
+  const bool both = precision == "bf16" || (precision == "auto" && nerf::kernels::HasBf16Products());
+  if (!both && precision != "auto" && precision != "fp32" && precision != "bf16-table" &&
+      precision != "bf16-network") {
+    Unknown("precision", precision, "auto, fp32, bf16, bf16-table, bf16-network");
+  }
+  field->bf16_table = both || precision == "bf16-table";
+  field->bf16_network = both || precision == "bf16-network";
 }
 
 void CheckRanges(const nerf::TrainOptions& train) {
@@ -122,7 +133,8 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
                "nerf: rays through pixel centres; --no-pixel-centres: corners, as the original code");
   options->Add("precision",
                &flags->precision,
-               "nerf: bf16 (products of bfloat16, sums and weights in float), fp32, or auto");
+               "factors of the networks' products: bf16 (sums and weights in float), fp32, or auto; hash has "
+               "bf16-network and bf16-table alone as well");
   options->Add("device", &nerf.device, "nerf: cpu, or cuda where the linked LibTorch has it");
   options->Add("checkpoint-every", &train.checkpoint_every_s, "seconds between checkpoints", false);
 }
@@ -161,8 +173,12 @@ nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags
                             ? nerf::Initialisation::kXavier
                             : nerf::Initialisation::kUniform;
   Choose("device", nerf.device, "cpu", "cuda");
-  nerf.bf16 = flags.precision == "auto" ? nerf::PrefersBf16(nerf.device)
-                                        : Choose("precision", flags.precision, "bf16", "fp32");
+  if (train.field.field == "hash") {
+    SetHashPrecision(flags.precision, &train.field);
+  } else {
+    nerf.bf16 = flags.precision == "auto" ? nerf::PrefersBf16(nerf.device)
+                                          : Choose("precision", flags.precision, "bf16", "fp32");
+  }
   // Positions in scene units need samples that are placed in them.
   Require(cube || nerf.quadrature.n_samples > 0, "--encoding-space scene needs --samples");
   CheckRanges(train);

@@ -71,7 +71,7 @@ TEST(Adam, EveryStepEqualsThePlainEquationsInDouble) {
         change[i] = g[i] == 0.f ? 0 : plain[i].Change(double{g[i]}, t, step);
       }
       const Floats gradients = g;
-      build.adam(step, kCount, g.data(), m.data(), v.data(), values.data());
+      build.adam(step, kCount, g.data(), m.data(), v.data(), values.data(), nullptr);
       for (std::size_t i = 0; i < kCount; ++i) {
         if (gradients[i] == 0.f) continue;
         // m may cancel: its error is measured by the terms that are added.
@@ -111,7 +111,7 @@ TEST(Adam, LossCurveOfAQuadraticEqualsThatInDouble) {
         exact[i] -= plain[i].Change(2 * curvature * (exact[i] - target), t, step);
       }
       EXPECT_NEAR(loss / loss_exact, 1, 1e-5) << t;
-      build.adam(step, kCount, g.data(), m.data(), v.data(), values.data());
+      build.adam(step, kCount, g.data(), m.data(), v.data(), values.data(), nullptr);
     }
   });
 }
@@ -151,7 +151,7 @@ TEST(Adam, StepsAreBoundedForGradientsOfAnySizeWithAndWithoutDenormals) {
         for (int t = 1; t <= 1000; ++t) {
           const float before = value;
           float g = gradient;
-          build.adam(StepNumber(t, kRate), 1, &g, &m, &v, &value);
+          build.adam(StepNumber(t, kRate), 1, &g, &m, &v, &value, nullptr);
           const float bound = std::max(1.f, 0.1f / std::sqrt(0.01f)) * kRate;
           ASSERT_TRUE(std::isfinite(value) && std::isfinite(m) && std::isfinite(v)) << gradient;
           ASSERT_LE(std::fabs(value - before), 1.0001f * bound) << gradient << " step " << t;
@@ -175,7 +175,7 @@ TEST(Adam, ParametersWithoutGradientKeepEveryBit) {
         m[i] = 0.1f, v[i] = 0.2f, values[i] = i % 2 ? -0.f : 0.3f;
       }
       const Floats before = values;
-      build.adam(StepNumber(5, 1e-2f), n, g.data(), m.data(), v.data(), values.data());
+      build.adam(StepNumber(5, 1e-2f), n, g.data(), m.data(), v.data(), values.data(), nullptr);
       for (std::size_t i = 0; i < n; ++i) {
         EXPECT_EQ(g[i], 0.f);
         const bool moved = std::memcmp(&values[i], &before[i], sizeof(float)) != 0;
@@ -188,8 +188,9 @@ TEST(Adam, ParametersWithoutGradientKeepEveryBit) {
 
 // N24: with 8 bits of mantissa the weight would stay at 1 and the moment at a quarter.
 TEST(Adam, WeightsAndMomentsAreFloatsThatKeepSmallUpdates) {
-  static_assert(std::is_same_v<decltype(Kernels::adam),
-                               void (*)(const AdamStep&, std::size_t, float*, float*, float*, float*)>);
+  static_assert(
+      std::is_same_v<decltype(Kernels::adam),
+                     void (*)(const AdamStep&, std::size_t, float*, float*, float*, float*, kernels::Bf16*)>);
   static_assert(std::is_same_v<decltype(Tensor::values), Floats*>);
   ForEachBuild([](const Kernels& build) {
     float m = 0, v = 0, value = 1;
@@ -198,7 +199,7 @@ TEST(Adam, WeightsAndMomentsAreFloatsThatKeepSmallUpdates) {
       step.beta2 = 0.999f;
       step.correction2 = static_cast<float>(1 / (1 - std::pow(0.999, t)));
       float g = 1;
-      build.adam(step, 1, &g, &m, &v, &value);
+      build.adam(step, 1, &g, &m, &v, &value, nullptr);
     }
     EXPECT_NEAR(value, 0.5, 1e-4);
     EXPECT_NEAR(v, 1 - std::pow(0.999, 4000), 1e-4);

@@ -23,7 +23,7 @@ class RayRenderer : public testing::Test {
              {.near = 0, .far = 1000, .step_size = 0.1f},
              std::make_unique<HashField>(
                  HashFieldOptions{
-                     .n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40},
+                     {.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40}},
                  1),
              64) {
     SetWeights(kWeights, 0.f);

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "nerf/kernels/bf16.h"
 #include "nerf/kernels/kernels.h"
 
 namespace nerf::kernels::reference {

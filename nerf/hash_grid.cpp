@@ -1,0 +1,93 @@
+#include "nerf/hash_grid.h"
+
+#include <cmath>
+
+#include "nerf/random.h"
+
+namespace nerf {
+namespace {
+
+// Table entries start as tiny noise, so that the coarse levels dominate the first steps [instant-ngp].
+constexpr float kTableInit = 1e-4f;
+
+}  // namespace
+
+HashGrid::HashGrid(const HashGridOptions& options, std::uint64_t seed)
+    : options_(options), kernels_(kernels::ActiveKernels()) {
+  const double growth = std::pow(static_cast<double>(options.finest_resolution) / options.base_resolution,
+                                 1.0 / (options.n_levels - 1));
+  std::size_t n_entries = 0;
+  for (int l = 0; l < options.n_levels; ++l) {
+    kernels::GridLevel level;
+    level.resolution = static_cast<std::uint32_t>(std::lround(options.base_resolution * std::pow(growth, l)));
+    const std::size_t hashed = std::size_t{1} << options.log2_hashmap_size, side = level.resolution + 1;
+    const bool dense = side * side * side <= hashed;
+    level.n_entries = dense ? (side * side * side + 3) / 4 * 4 : hashed;  // whole 64-byte lines
+    level.hash_mask = dense ? 0 : static_cast<std::uint32_t>(hashed - 1);
+    level.first_entry = n_entries;
+    n_entries += level.n_entries;
+    levels_.push_back(level);
+  }
+  table_.resize(n_entries * kernels::kFeatures);
+  for (std::size_t i = 0; i < table_.size(); ++i) {
+    table_[i] = kTableInit * (2.f * Random(seed, Stream::kInit, 0, i).Uniform() - 1.f);
+  }
+  gradient_.assign(table_.size(), 0.f);
+  m_.assign(table_.size(), 0.f);
+  v_.assign(table_.size(), 0.f);
+  if (options.bf16) rounded_.resize(table_.size());
+  Refresh();
+}
+
+void HashGrid::Refresh() {
+  if (!options_.bf16) return;
+  kernels_.bf16.round(1, static_cast<int>(table_.size()), table_.data(), rounded_.data(), 0);
+}
+
+template <typename Real>
+void HashGrid::Encode(const Samples& samples, int first, int n, Real* features) const {
+  const kernels::NetworkKernels<Real>& kernels = kernels_.Network<Real>();
+  const float *x = samples.x.data() + first, *y = samples.y.data() + first, *z = samples.z.data() + first;
+  for (const kernels::GridLevel& level : levels_) {
+    const std::size_t at = level.first_entry * kernels::kFeatures;
+    if (options_.bf16) {
+      kernels.encode_bf16(level, &rounded_[at], x, y, z, n, features, n_features());
+    } else {
+      kernels.encode(level, &table_[at], x, y, z, n, features, n_features());
+    }
+    features += kernels::kFeatures;
+  }
+}
+
+template <typename Real>
+void HashGrid::Scatter(int level, const Real* feature_gradients, const Samples& samples, int n) {
+  const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
+  kernels_.Network<Real>().scatter(l,
+                                   feature_gradients,
+                                   samples.x.data(),
+                                   samples.y.data(),
+                                   samples.z.data(),
+                                   n,
+                                   &gradient_[l.first_entry * kernels::kFeatures]);
+}
+
+void HashGrid::Step(int level, const kernels::AdamStep& step) {
+  const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
+  const std::size_t first = l.first_entry * kernels::kFeatures;
+  kernels_.adam(step,
+                l.n_entries * kernels::kFeatures,
+                &gradient_[first],
+                &m_[first],
+                &v_[first],
+                &table_[first],
+                options_.bf16 ? &rounded_[first] : nullptr);
+}
+
+std::vector<Tensor> HashGrid::State() { return {{"table", &table_}, {"table_m", &m_}, {"table_v", &v_}}; }
+
+template void HashGrid::Encode(const Samples&, int, int, float*) const;
+template void HashGrid::Encode(const Samples&, int, int, kernels::Bf16*) const;
+template void HashGrid::Scatter(int, const float*, const Samples&, int);
+template void HashGrid::Scatter(int, const kernels::Bf16*, const Samples&, int);
+
+}  // namespace nerf
