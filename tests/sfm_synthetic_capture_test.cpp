@@ -1,5 +1,4 @@
-// sfm/synthetic_capture.h: the truth explains every keypoint, and what goes wrong does so by the stated
-// amount.
+// Pictures of a synthetic capture: the truth explains every keypoint, up to what is stated.
 #include "sfm/synthetic_capture.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <set>
+
+#include "tests/capture_truth.h"
 
 namespace {
 
@@ -16,7 +16,6 @@ using Eigen::Vector3d;
 using sfm::CaptureOptions;
 using sfm::MakeSyntheticCapture;
 using sfm::MatchGraph;
-using sfm::Outliers;
 using sfm::Structure;
 using sfm::SyntheticCapture;
 using sfm::Trajectory;
@@ -44,19 +43,6 @@ Vector2d Project(const io::Camera& c, const io::Rigid3d& world_from_cam, const V
           c.fl_y * (v * radial + c.p1 * (r2 + 2 * v * v) + 2 * c.p2 * u * v) + c.cy};
 }
 
-Vector2d At(const sfm::Keypoint& keypoint) { return {keypoint.x, keypoint.y}; }
-
-// For each picture the true point of each keypoint; -1 behind the last of them.
-std::vector<std::vector<int>> PointsOfKeypoints(const SyntheticCapture& capture) {
-  std::vector<std::vector<int>> points(capture.pictures.size());
-  for (std::size_t i = 0; i < capture.truth.points.size(); ++i) {
-    for (const int frame : capture.truth.points[i].frame_indices)
-      points[static_cast<std::size_t>(frame)].push_back(static_cast<int>(i));
-  }
-  for (std::size_t k = 0; k < points.size(); ++k) points[k].resize(capture.features[k].keypoints.size(), -1);
-  return points;
-}
-
 // Largest distance between a keypoint and the projection of its true point; counts the comparisons.
 double LargestMiss(const SyntheticCapture& capture, int* compared) {
   const auto points = PointsOfKeypoints(capture);
@@ -71,18 +57,6 @@ double LargestMiss(const SyntheticCapture& capture, int* compared) {
     }
   }
   return largest;
-}
-
-// Share of the matches of a pair that do not join keypoints of one true point.
-double WrongShare(const SyntheticCapture& capture, const sfm::PairMatches& pair) {
-  const auto points = PointsOfKeypoints(capture);
-  int wrong = 0;
-  for (const auto& [in_a, in_b] : pair.matches) {
-    const int a = points[static_cast<std::size_t>(pair.a)].at(static_cast<std::size_t>(in_a));
-    const int b = points[static_cast<std::size_t>(pair.b)].at(static_cast<std::size_t>(in_b));
-    wrong += a < 0 || a != b;
-  }
-  return wrong / static_cast<double>(pair.matches.size());
 }
 
 TEST(SyntheticCapture, TruthProjectsOntoEveryKeypoint) {
@@ -120,22 +94,6 @@ TEST(SyntheticCapture, TruthProjectsOntoEveryKeypoint) {
     }
   }
   EXPECT_EQ(captures, 64);
-}
-
-TEST(SyntheticCapture, EveryPointThatBothSeeIsMatched) {
-  const SyntheticCapture capture = MakeSyntheticCapture({.trajectory = Trajectory::kLine, .pictures = 10});
-  EXPECT_EQ(capture.matches.size(), 45u);
-  for (const sfm::PairMatches& pair : capture.matches) {
-    std::size_t common = 0;
-    for (const io::Point3D& point : capture.truth.points) {
-      const auto sees = [&](int i) {
-        return std::count(point.frame_indices.begin(), point.frame_indices.end(), i);
-      };
-      common += sees(pair.a) == 1 && sees(pair.b) == 1;
-    }
-    EXPECT_EQ(pair.matches.size(), common);
-    EXPECT_LT(common, capture.truth.points.size());  // nobody sees all
-  }
 }
 
 TEST(SyntheticCapture, PicturesAndFramesAgree) {
@@ -178,131 +136,6 @@ TEST(SyntheticCapture, NoiseHasTheStatedSizeAndLeavesTheWorldAlone) {
   EXPECT_NEAR(std::sqrt(squares / n), 0.5, 4 * 0.5 / std::sqrt(2.0 * n));
   EXPECT_NEAR(sum / n, 0, 4 * 0.5 / std::sqrt(n));
   EXPECT_EQ(clean.matches.size(), noisy.matches.size());
-}
-
-TEST(SyntheticCapture, OutlierSharesAreExact) {
-  int pairs = 0;
-  for (const Outliers kind : {Outliers::kUniform, Outliers::kSecondMotion, Outliers::kStaticOverlay}) {
-    for (const double share : {0.0, 0.3, 0.9}) {
-      const SyntheticCapture capture =
-          MakeSyntheticCapture({.pictures = 6, .outliers = kind, .outlier_share = share});
-      EXPECT_EQ(capture.matches.size(), 15u);
-      for (const sfm::PairMatches& pair : capture.matches) {
-        const double wrong = WrongShare(capture, pair);
-        const double rounding = 0.5 / static_cast<double>(pair.matches.size());
-        EXPECT_LE(wrong, share + rounding);
-        // A pair may see too few points of the second body, which has drifted away.
-        if (kind != Outliers::kSecondMotion || share < 0.5) {
-          EXPECT_GE(wrong, share - rounding);
-        }
-        std::set<int> in_a, in_b;
-        for (const auto& [a, b] : pair.matches) in_a.insert(a), in_b.insert(b);
-        EXPECT_EQ(in_a.size(), pair.matches.size()) << "a keypoint has one partner at most";
-        EXPECT_EQ(in_b.size(), pair.matches.size());
-        ++pairs;
-      }
-    }
-  }
-  EXPECT_EQ(pairs, 3 * 3 * 15);
-}
-
-// Pixels between the keypoint in b and the epipolar line, by the true poses, of its partner in a.
-double EpipolarDistance(const SyntheticCapture& capture, const sfm::PairMatches& pair, int in_a, int in_b) {
-  const auto a = static_cast<std::size_t>(pair.a), b = static_cast<std::size_t>(pair.b);
-  const io::Camera& camera = capture.truth.cameras[0];
-  const io::Rigid3d b_from_a =
-      capture.truth.frames[b].world_from_cam.Inverse() * capture.truth.frames[a].world_from_cam;
-  const auto ray = [&](std::size_t picture, int keypoint) {
-    return *io::RayFromImg(camera,
-                           At(capture.features[picture].keypoints[static_cast<std::size_t>(keypoint)]));
-  };
-  const Vector3d normal = b_from_a.translation.cross(b_from_a.rotation * ray(a, in_a)).normalized();
-  return camera.fl_x * std::abs(normal.dot(ray(b, in_b)));
-}
-
-TEST(SyntheticCapture, ASecondBodyMovesOnItsOwn) {
-  const SyntheticCapture capture =
-      MakeSyntheticCapture({.pictures = 6, .outliers = Outliers::kSecondMotion, .outlier_share = 0.4});
-  const auto points = PointsOfKeypoints(capture);
-  int moved = 0, still = 0, near_its_line = 0;
-  for (const sfm::PairMatches& pair : capture.matches) {
-    for (const auto& [in_a, in_b] : pair.matches) {
-      const bool main = points[static_cast<std::size_t>(pair.a)][static_cast<std::size_t>(in_a)] >= 0;
-      const double distance = EpipolarDistance(capture, pair, in_a, in_b);
-      (main ? still : moved) += 1;
-      if (main) {
-        EXPECT_LT(distance, 1e-3);
-      }
-      near_its_line += !main && distance < 2;
-    }
-  }
-  EXPECT_GT(still, 1000);
-  EXPECT_GT(moved, 700);
-  EXPECT_LT(near_its_line, moved / 10);
-}
-
-TEST(SyntheticCapture, AnOverlayStandsStillInsideItsFrame) {
-  const SyntheticCapture capture = MakeSyntheticCapture(
-      {.outliers = Outliers::kStaticOverlay, .outlier_share = 0.5, .overlay_border = 0.1});
-  const auto points = PointsOfKeypoints(capture);
-  int overlay = 0;
-  for (const sfm::PairMatches& pair : capture.matches) {
-    for (const auto& [in_a, in_b] : pair.matches) {
-      const auto a = static_cast<std::size_t>(pair.a), k = static_cast<std::size_t>(in_a);
-      if (points[a][k] >= 0) continue;
-      const Vector2d at = At(capture.features[a].keypoints[k]);
-      EXPECT_EQ(
-          at,
-          At(capture.features[static_cast<std::size_t>(pair.b)].keypoints[static_cast<std::size_t>(in_b)]));
-      EXPECT_LE(
-          std::min(std::min(at.x() / 1024, 1 - at.x() / 1024), std::min(at.y() / 768, 1 - at.y() / 768)),
-          0.1 + 1e-6);
-      ++overlay;
-    }
-  }
-  EXPECT_GT(overlay, 10000);
-}
-
-TEST(SyntheticCapture, IdenticalSidesAreConfusedAQuarterTurnApart) {
-  const SyntheticCapture capture =
-      MakeSyntheticCapture({.structure = Structure::kIdenticalSides, .pictures = 16});
-  int neighbours = 0, quarters = 0;
-  for (const sfm::PairMatches& pair : capture.matches) {
-    const int steps = std::min(pair.b - pair.a, 16 - (pair.b - pair.a));
-    const double wrong = WrongShare(capture, pair);
-    if (steps == 1) {
-      EXPECT_LT(wrong, 0.2);
-    }
-    if (steps == 4) {
-      EXPECT_GT(wrong, 0.8);
-    }
-    neighbours += steps == 1;
-    quarters += steps == 4;
-  }
-  EXPECT_EQ(neighbours, 16);
-  EXPECT_EQ(quarters, 16);
-}
-
-// A quarter turn shows the other pair of sides.
-TEST(SyntheticCapture, TwoFacadesAreConfusedAHalfTurnApart) {
-  const SyntheticCapture capture =
-      MakeSyntheticCapture({.structure = Structure::kTwoFacades, .pictures = 16});
-  int opposite = 0;
-  for (const sfm::PairMatches& pair : capture.matches) {
-    if (pair.b - pair.a != 8) continue;
-    EXPECT_GT(WrongShare(capture, pair), 0.8);
-    ++opposite;
-  }
-  EXPECT_EQ(opposite, 8);
-}
-
-// Tiles are told apart only by the side from which they are seen, and that moves along with the camera.
-TEST(SyntheticCapture, TilesAreConfused) {
-  const SyntheticCapture capture = MakeSyntheticCapture(
-      {.trajectory = Trajectory::kNadirGrid, .structure = Structure::kTiledFloor, .pictures = 16});
-  double wrong = 0;
-  for (const sfm::PairMatches& pair : capture.matches) wrong += WrongShare(capture, pair);
-  EXPECT_GT(wrong / static_cast<double>(capture.matches.size()), 0.5);
 }
 
 TEST(SyntheticCapture, TheSameSeedGivesTheSameBytes) {
@@ -355,24 +188,6 @@ TEST(SyntheticCapture, TrajectoriesAreWhatTheyAreCalled) {
   for (std::size_t i = 1; i < arc.size(); ++i) {
     const double step = (arc[i].world_from_cam.translation - arc[i - 1].world_from_cam.translation).norm();
     EXPECT_NEAR(step / distance, 0.01, 0.0065);
-  }
-}
-
-TEST(SyntheticCapture, MatchGraphs) {
-  const auto has = [](const SyntheticCapture& capture, int a, int b) {
-    return std::any_of(capture.matches.begin(), capture.matches.end(), [&](const sfm::PairMatches& pair) {
-      return pair.a == a && pair.b == b;
-    });
-  };
-  const SyntheticCapture chain =
-      MakeSyntheticCapture({.pictures = 10, .graph = MatchGraph::kChain, .chain_overlap = 2});
-  EXPECT_EQ(chain.matches.size(), 9u + 8u);
-  const SyntheticCapture sparse = MakeSyntheticCapture({.pictures = 10, .graph = MatchGraph::kSparse});
-  EXPECT_GT(sparse.matches.size(), 12u);
-  EXPECT_LT(sparse.matches.size(), 30u);
-  for (int i = 0; i + 1 < 10; ++i) {
-    EXPECT_TRUE(has(chain, i, i + 1));
-    EXPECT_TRUE(has(sparse, i, i + 1));
   }
 }
 
