@@ -26,6 +26,16 @@ void Append(sfm::Features* features, int first, double degrees) {
   features->keypoints.push_back({});
 }
 
+// Matches of pictures in which a's i-th feature meets those of b at the i-th list of angles.
+std::vector<Match> MatchesAt(const std::vector<std::vector<double>>& degrees) {
+  sfm::Features a, b;
+  for (int i = 0; i < static_cast<int>(degrees.size()); ++i) {
+    Append(&a, i, 0);
+    for (const double angle : degrees[static_cast<std::size_t>(i)]) Append(&b, i, angle);
+  }
+  return sfm::MatchFeatures({a, b}, {{0, 1}}, 1)[0].matches;
+}
+
 TEST(Matching, MutualDistinctAndNear) {
   sfm::Features a, b;
   Append(&a, 0, 0);   // 0: nearest is b0 at 4 degrees, second b1 at 30
@@ -45,24 +55,10 @@ TEST(Matching, MutualDistinctAndNear) {
 }
 
 TEST(Matching, TheSecondMustBeAQuarterFarther) {
-  sfm::Features a, b;
-  Append(&a, 0, 0);  // distances 10 and 13.4 degrees: 0.75
-  Append(&b, 0, 10);
-  Append(&b, 0, 13.4);
-  Append(&a, 1, 0);  // 10 and 11.8 degrees: 0.85
-  Append(&b, 1, 10);
-  Append(&b, 1, 11.8);
-  EXPECT_EQ(sfm::MatchFeatures({a, b}, {{0, 1}}, 1)[0].matches, (std::vector<Match>{{0, 0}}));
+  EXPECT_EQ(MatchesAt({{10, 13.4}, {10, 11.8}}), (std::vector<Match>{{0, 0}}));  // ratios 0.75 and 0.85
 }
 
-TEST(Matching, FortyDegreesAreTheLimit) {
-  sfm::Features a, b;
-  Append(&a, 0, 0);
-  Append(&b, 0, 39);
-  Append(&a, 1, 0);
-  Append(&b, 1, 42);
-  EXPECT_EQ(sfm::MatchFeatures({a, b}, {{0, 1}}, 1)[0].matches, (std::vector<Match>{{0, 0}}));
-}
+TEST(Matching, FortyDegreesAreTheLimit) { EXPECT_EQ(MatchesAt({{39}, {42}}), (std::vector<Match>{{0, 0}})); }
 
 TEST(Matching, TheRatioTestHoldsFromBothSides) {
   sfm::Features a, b;
