@@ -94,6 +94,21 @@ Rigid3d ToWorldFromCam(const fs::path& path, const ColmapImageRecord& record) {
   return FlipCameraAxes(cam_from_world.Inverse());
 }
 
+double Ratio(double sum, std::size_t n) { return n == 0 ? 0.0 : sum / static_cast<double>(n); }
+
+// Of the observations whose point lies in front of the camera.
+double MeanErrorPx(const ColmapModel& model) {
+  double sum = 0;
+  std::size_t n = 0;
+  for (const Observation& observation : model.observations) {
+    const auto projected = Project(model.scene, observation);
+    if (!projected) continue;
+    sum += (*projected - observation.xy).norm();
+    ++n;
+  }
+  return Ratio(sum, n);
+}
+
 class ModelBuilder {
  public:
   explicit ModelBuilder(const ColmapRecords& records) : records_(records) {}
@@ -104,13 +119,11 @@ class ModelBuilder {
     AddPoints();
     CheckFeatureReferences();
     model_.mean_track_length = Ratio(static_cast<double>(model_.observations.size()), records_.points.size());
-    model_.mean_reprojection_error_px = Ratio(error_sum_px_, n_projected_);
+    model_.mean_reprojection_error_px = MeanErrorPx(model_);
     return std::move(model_);
   }
 
  private:
-  static double Ratio(double sum, std::size_t n) { return n == 0 ? 0.0 : sum / static_cast<double>(n); }
-
   void AddCameras() {
     for (const ColmapCameraRecord& record : records_.cameras) {
       const int index = static_cast<int>(model_.scene.cameras.size());
@@ -183,13 +196,6 @@ class ModelBuilder {
       Fail(records_.images_path,
            "image " + std::to_string(element.image_id) + " has a feature that is not finite");
     }
-    const Frame& frame = model_.scene.frames[image->second.frame_index];
-    const auto projected =
-        ImgFromCam(model_.scene.cameras[frame.camera_index], frame.world_from_cam.Inverse() * point->xyz);
-    if (projected) {
-      error_sum_px_ += (*projected - Eigen::Vector2d(feature.x, feature.y)).norm();
-      ++n_projected_;
-    }
     point->frame_indices.push_back(image->second.frame_index);
     model_.observations.push_back(
         {image->second.frame_index, static_cast<int>(model_.scene.points.size()), {feature.x, feature.y}});
@@ -220,11 +226,16 @@ class ModelBuilder {
   ColmapModel model_;
   std::unordered_map<std::uint32_t, int> camera_index_;
   std::unordered_map<std::uint32_t, Image> image_index_;
-  std::size_t n_projected_ = 0;
-  double error_sum_px_ = 0;
 };
 
 }  // namespace
+
+std::optional<Eigen::Vector2d> Project(const Scene& scene, const Observation& observation) {
+  const Frame& frame = scene.frames[static_cast<std::size_t>(observation.frame_index)];
+  return ImgFromCam(
+      scene.cameras[static_cast<std::size_t>(frame.camera_index)],
+      frame.world_from_cam.Inverse() * scene.points[static_cast<std::size_t>(observation.point_index)].xyz);
+}
 
 bool IsColmapModel(const fs::path& folder) {
   const auto holds_all = [&](const std::string& extension) {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,10 @@ struct ColmapModel {
   double mean_reprojection_error_px = 0;
   double mean_track_length = 0;
 };
+
+// Where the poses say that a frame of the scene shows the observed point; nothing when it is not in front of
+// the camera.
+std::optional<Eigen::Vector2d> Project(const Scene& scene, const Observation& observation);
 
 // True when the folder holds cameras, images and points3D as .bin or .txt.
 bool IsColmapModel(const std::filesystem::path& folder);

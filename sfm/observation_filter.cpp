@@ -13,10 +13,7 @@ constexpr std::size_t kMinObservations = 2;
 
 // Reprojection error; infinite behind the camera.
 double ErrorPx(const io::Scene& scene, const io::Observation& observation) {
-  const io::Frame& frame = scene.frames[static_cast<std::size_t>(observation.frame_index)];
-  const auto projected = io::ImgFromCam(
-      scene.cameras[static_cast<std::size_t>(frame.camera_index)],
-      frame.world_from_cam.Inverse() * scene.points[static_cast<std::size_t>(observation.point_index)].xyz);
+  const auto projected = io::Project(scene, observation);
   return projected ? (*projected - observation.xy).norm() : HUGE_VAL;
 }
 

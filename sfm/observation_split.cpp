@@ -98,10 +98,7 @@ double HeldOutPx(const io::Scene& scene, const std::vector<io::Observation>& hel
   double sum = 0;
   std::size_t n = 0;
   for (const io::Observation& o : held_out) {
-    const io::Frame& frame = scene.frames[static_cast<std::size_t>(o.frame_index)];
-    const auto projected = io::ImgFromCam(
-        scene.cameras[static_cast<std::size_t>(frame.camera_index)],
-        frame.world_from_cam.Inverse() * scene.points[static_cast<std::size_t>(o.point_index)].xyz);
+    const auto projected = io::Project(scene, o);
     if (!projected) continue;
     sum += RobustLoss((*projected - o.xy).squaredNorm() / (o.sigma * o.sigma));
     ++n;

@@ -22,10 +22,7 @@ TEST(ObservationFilter, RemovesWhatDoesNotAgreeAndRecomputesTheRest) {
   io::Point3D& far = model.scene.points[2];  // rays that hardly diverge
   far.xyz = model.scene.frames[0].world_from_cam * Vector3d(0, 0, -1e4);
   for (io::Observation* o : of_point[2]) {
-    const auto xy = io::ImgFromCam(
-        model.scene.cameras[0],
-        model.scene.frames[static_cast<std::size_t>(o->frame_index)].world_from_cam.Inverse() * far.xyz);
-    o->xy = xy ? *xy : Eigen::Vector2d(0, 0);
+    o->xy = io::Project(model.scene, *o).value_or(Eigen::Vector2d(0, 0));
   }
   const std::size_t of_removed = of_point[1].size() + of_point[2].size();
   const auto report = sfm::RemoveWeakObservations(&model);
