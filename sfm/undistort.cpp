@@ -1,19 +1,15 @@
 #include "sfm/undistort.h"
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
-#include <thread>
 
 #include "io/check.h"
 #include "io/error.h"
 #include "io/image.h"
-#include "io/interrupt.h"
 #include "io/mask.h"
+#include "sfm/parallel_for.h"
 
 namespace sfm {
 namespace {
@@ -26,12 +22,14 @@ constexpr int kBorderSamples = 200;
 // Where each pixel centre of the pinhole camera comes from, in OpenCV's coordinates (pixel centres at
 // integers).
 struct PixelMap {
+  io::Camera camera;
   cv::Mat x, y;
 };
 
-PixelMap MapToPinhole(const io::Camera& camera, const io::Camera& pinhole) {
-  PixelMap map{cv::Mat(pinhole.height, pinhole.width, CV_32F),
-               cv::Mat(pinhole.height, pinhole.width, CV_32F)};
+PixelMap MapToPinhole(const io::Camera& camera) {
+  const io::Camera pinhole = PinholeCamera(camera);
+  PixelMap map{
+      camera, cv::Mat(pinhole.height, pinhole.width, CV_32F), cv::Mat(pinhole.height, pinhole.width, CV_32F)};
   for (int row = 0; row < pinhole.height; ++row) {
     for (int column = 0; column < pinhole.width; ++column) {
       const auto ray = io::RayFromImg(pinhole, {column + 0.5, row + 0.5});
@@ -40,6 +38,13 @@ PixelMap MapToPinhole(const io::Camera& camera, const io::Camera& pinhole) {
       map.y.at<float>(row, column) = static_cast<float>(source->y() - 0.5);
     }
   }
+  return map;
+}
+
+// One map per thread: a scene may have a camera per picture, and neighbours usually share theirs.
+const PixelMap& CachedMapToPinhole(const io::Camera& camera) {
+  thread_local PixelMap map;
+  if (map.camera != camera) map = MapToPinhole(camera);
   return map;
 }
 
@@ -95,10 +100,7 @@ std::vector<std::string> TargetNames(const io::Scene& scene) {
   return names;
 }
 
-void WriteFrame(const io::Camera& camera,
-                const PixelMap& map,
-                const fs::path& source,
-                const fs::path& target) {
+void WriteFrame(const io::Camera& camera, const fs::path& source, const fs::path& target) {
   const io::Image image = io::ReadImage(source);
   if (image.width != camera.width || image.height != camera.height) {
     throw io::Error(io::ExitCode::kBadInput,
@@ -108,18 +110,15 @@ void WriteFrame(const io::Camera& camera,
                     "Use the pictures that the poses were made from");
   }
   if (camera.HasDistortion()) {
-    io::WriteImage(target, Resample(image, map));
+    io::WriteImage(target, Resample(image, CachedMapToPinhole(camera)));
   } else {
     fs::copy_file(source, target, fs::copy_options::overwrite_existing);
   }
 }
 
-void WriteFrameMask(const io::Camera& camera,
-                    const PixelMap& map,
-                    const fs::path& source,
-                    const fs::path& target) {
+void WriteFrameMask(const io::Camera& camera, const fs::path& source, const fs::path& target) {
   const io::Mask mask = io::ReadMask(source, camera.width, camera.height);
-  io::WriteMask(target, camera.HasDistortion() ? Resample(mask, map) : mask);
+  io::WriteMask(target, camera.HasDistortion() ? Resample(mask, CachedMapToPinhole(camera)) : mask);
 }
 
 }  // namespace
@@ -165,42 +164,16 @@ io::Scene UndistortScene(const io::Scene& scene, const fs::path& folder, int thr
   std::transform(scene.cameras.begin(), scene.cameras.end(), result.cameras.begin(), PinholeCamera);
   fs::create_directories(folder / "images");
   const std::vector<std::string> names = TargetNames(scene);
-  std::atomic<std::size_t> next_frame = 0;
-  std::mutex mutex;
-  std::exception_ptr failure;
-  const auto work = [&] {
-    // One map at a time: a scene may have a camera per picture, and neighbours usually share theirs.
-    int mapped_camera = -1;
-    PixelMap map;
-    for (std::size_t i = next_frame++; i < scene.frames.size() && io::PendingInterrupt() == 0;
-         i = next_frame++) {
-      const io::Frame& source = scene.frames[i];
-      io::Frame& target = result.frames[i];
-      const int index = source.camera_index;
-      const io::Camera& camera = scene.cameras[static_cast<std::size_t>(index)];
-      target.image_path = fs::absolute(folder) / "images" / names[i];
-      try {
-        if (camera.HasDistortion() && index != mapped_camera) {
-          map = MapToPinhole(camera, result.cameras[static_cast<std::size_t>(index)]);
-          mapped_camera = index;
-        }
-        WriteFrame(camera, map, source.image_path, target.image_path);
-        if (source.mask_path.empty()) continue;
-        target.mask_path = fs::absolute(folder) / "masks" / fs::path(names[i]).replace_extension(".png");
-        WriteFrameMask(camera, map, source.mask_path, target.mask_path);
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        if (!failure) failure = std::current_exception();
-        next_frame = scene.frames.size();
-      }
-    }
-  };
-  {
-    std::vector<std::jthread> workers;
-    for (int t = 0; t < threads; ++t) workers.emplace_back(work);
-  }
-  if (failure) std::rethrow_exception(failure);
-  io::ThrowIfInterrupted();
+  ParallelFor(scene.frames.size(), threads, [&](std::size_t i) {
+    const io::Frame& source = scene.frames[i];
+    io::Frame& target = result.frames[i];
+    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(source.camera_index)];
+    target.image_path = fs::absolute(folder) / "images" / names[i];
+    WriteFrame(camera, source.image_path, target.image_path);
+    if (source.mask_path.empty()) return;
+    target.mask_path = fs::absolute(folder) / "masks" / fs::path(names[i]).replace_extension(".png");
+    WriteFrameMask(camera, source.mask_path, target.mask_path);
+  });
   return result;
 }
 
