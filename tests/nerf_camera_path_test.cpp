@@ -8,19 +8,12 @@
 #include <random>
 
 #include "io/error.h"
+#include "tests/look_at.h"
 
 namespace {
 
 using Eigen::Vector3d;
 constexpr double kPi = std::numbers::pi;
-
-io::Rigid3d LookAt(const Vector3d& centre, const Vector3d& target, const Vector3d& up) {
-  io::Rigid3d pose;
-  const Vector3d back = (centre - target).normalized(), x = up.cross(back).normalized();
-  pose.rotation << x, back.cross(x), back;
-  pose.translation = centre;
-  return pose;
-}
 
 Vector3d OnSphere(double azimuth_deg, double elevation_deg, double distance) {
   const double a = azimuth_deg * kPi / 180, e = elevation_deg * kPi / 180;

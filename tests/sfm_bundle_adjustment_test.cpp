@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/error.h"
+#include "tests/pose_difference.h"
 #include "tests/sfm_bundle_problem.h"
 #include "tests/sfm_synthetic_model.h"
 #include "tests/temp_dir.h"
@@ -88,8 +89,9 @@ io::ColmapModel Corridor(double noise_px) {
   std::mt19937_64 random(5);
   for (int i = 0; i < 6; ++i) {
     const Vector3d centre = Vector3d(0.4 * i, 0, 0) + RandomVector(&random, 0.05);
+    const Vector3d target = centre + Vector3d(1, 0.02 * i, 0);
     model.scene.frames.push_back(
-        {"walk " + std::to_string(i) + ".png", 0, LookAt(centre, centre + Vector3d(1, 0.02 * i, 0))});
+        {"walk " + std::to_string(i) + ".png", 0, LookAt(centre, target, Vector3d::UnitZ())});
   }
   for (int i = 0; i < 60; ++i) {
     const double distance = 0.3 * std::pow(300, Uniform(&random));

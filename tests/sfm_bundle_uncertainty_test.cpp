@@ -130,7 +130,7 @@ TEST(BundleUncertainty, StatedSigmasAreTheErrorsOfTheAdjustment) {
 TEST(BundleUncertainty, UnobservedAndUndeterminedParametersAreInfiniteOrLarge) {
   io::ColmapModel model = RingModel(6, 60, SmallCamera(), 0.5, 3);
   const auto known = sfm::EstimateUncertainty(model, {kFocal}, false);
-  model.scene.frames.push_back({"extra.png", 1, LookAt({5, 5, 5}, Vector3d::Zero())});
+  model.scene.frames.push_back({"extra.png", 1, LookAt({5, 5, 5}, Vector3d::Zero(), Vector3d::UnitZ())});
   model.scene.cameras.push_back(SmallCamera());
   // Points that are seen once say nothing about anything but themselves.
   std::vector<bool> is_copied(model.scene.points.size());

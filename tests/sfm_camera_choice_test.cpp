@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/error.h"
+#include "tests/pose_difference.h"
 #include "tests/sfm_synthetic_model.h"
 #include "tests/temp_dir.h"
 
@@ -109,8 +110,8 @@ io::ColmapModel ParallelCameras(int columns, int rows, double depth, double reli
   model.scene.cameras = {truth};
   for (int i = 0; i < columns * rows; ++i) {
     const Vector3d centre(0.5 * (i % columns), 0.7 * (i / columns), depth);
-    model.scene.frames.push_back(
-        {"nadir " + std::to_string(i) + ".png", 0, LookAt(centre, centre - Vector3d::UnitZ())});
+    const io::Rigid3d pose = LookAt(centre, centre - Vector3d::UnitZ(), Vector3d::UnitY());
+    model.scene.frames.push_back({"nadir " + std::to_string(i) + ".png", 0, pose});
   }
   std::mt19937_64 random(4);
   const double width = 0.5 * (columns - 1), height = 0.7 * (rows - 1);

@@ -9,23 +9,13 @@
 #include <random>
 
 #include "io/error.h"
+#include "tests/look_at.h"
 
 namespace {
 
 using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
-
-// A camera at `centre` that looks at `target` with the given up direction.
-io::Rigid3d LookAt(const Vector3d& centre, const Vector3d& target, const Vector3d& up) {
-  io::Rigid3d pose;
-  const Vector3d back = (centre - target).normalized(), right = up.cross(back).normalized();
-  pose.rotation.col(0) = right;
-  pose.rotation.col(1) = back.cross(right);
-  pose.rotation.col(2) = back;
-  pose.translation = centre;
-  return pose;
-}
 
 Vector3d RandomInBall(std::mt19937* random, double radius) {
   std::uniform_real_distribution<double> uniform(-1, 1);

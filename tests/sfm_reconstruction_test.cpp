@@ -21,7 +21,8 @@ TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
   if (!io::FindProgram("colmap")) GTEST_SKIP() << "colmap is not installed";
   for (int i = 0; i < 7; ++i) {
     const double angle = 0.14 * i;
-    Add(LookAt({1.6 * std::sin(angle), 0.2 * std::sin(5 * angle), 1.6 * std::cos(angle)}, {0, 0, 0}));
+    Add(LookAt(
+        {1.6 * std::sin(angle), 0.2 * std::sin(5 * angle), 1.6 * std::cos(angle)}, {0, 0, 0}, {0, 1, 0}));
   }
   const sfm::Reconstruction result = Run();
   const io::Scene& scene = result.model.scene;
@@ -129,7 +130,8 @@ TEST_F(SmallCapture, ACameraThatOnlyTurnsHasNoBaseline) {
   for (int i = 0; i < 7; ++i) {
     const double angle = 0.1 * i;
     const Eigen::Vector3d eye(0.2, 0.1, 1.6);
-    Add(LookAt(eye, eye - Eigen::Vector3d(std::sin(angle), 0.3 * std::sin(3 * angle), std::cos(angle))));
+    const Eigen::Vector3d back(std::sin(angle), 0.3 * std::sin(3 * angle), std::cos(angle));
+    Add(LookAt(eye, eye - back, {0, 1, 0}));
   }
   ExpectCause([&] { Run(); }, "no baseline: ");
   EXPECT_EQ(Decided("trying again"), 0) << "stronger settings do not move the camera";

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "io/colmap_model.h"
+#include "tests/look_at.h"
 
 // Uniform in [0, 1) and standard normal (Box and Muller), equal in every standard library.
 inline double Uniform(std::mt19937_64* random) { return static_cast<double>((*random)() >> 11) * 0x1p-53; }
@@ -18,20 +19,6 @@ inline double Normal(std::mt19937_64* random) {
 inline Eigen::Vector3d RandomVector(std::mt19937_64* random, double size) {
   const double x = Uniform(random), y = Uniform(random), z = Uniform(random);
   return size * Eigen::Vector3d(2 * x - 1, 2 * y - 1, 2 * z - 1);
-}
-
-// A camera at `centre` that looks at `target`, turned about its axis by `roll` radians.
-inline io::Rigid3d LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& target, double roll = 0) {
-  const Eigen::Vector3d back = (centre - target).normalized();
-  const Eigen::Vector3d up =
-      std::abs(back.z()) < 0.9 ? Eigen::Vector3d::UnitZ().eval() : Eigen::Vector3d::UnitY().eval();
-  io::Rigid3d pose;
-  pose.rotation.col(0) = up.cross(back).normalized();
-  pose.rotation.col(1) = back.cross(pose.rotation.col(0));
-  pose.rotation.col(2) = back;
-  pose.rotation = pose.rotation * Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ());
-  pose.translation = centre;
-  return pose;
 }
 
 inline io::Camera SmallCamera() {
@@ -54,9 +41,10 @@ inline io::ColmapModel Ring(int n_frames, const io::Camera& camera) {
   for (int i = 0; i < n_frames; ++i) {
     const double angle = 2 * std::numbers::pi * i / n_frames;
     const Eigen::Vector3d centre(3 * std::cos(angle), 3 * std::sin(angle), 0.8 * std::sin(3 * angle));
-    model.scene.frames.push_back({"view " + std::to_string(i) + ".png",
-                                  0,
-                                  LookAt(centre, RandomVector(&random, 0.2), 0.6 * Uniform(&random))});
+    const Eigen::AngleAxisd roll(0.6 * Uniform(&random), Eigen::Vector3d::UnitZ());
+    io::Rigid3d pose = LookAt(centre, RandomVector(&random, 0.2), Eigen::Vector3d::UnitZ());
+    pose.rotation = pose.rotation * roll;
+    model.scene.frames.push_back({"view " + std::to_string(i) + ".png", 0, pose});
   }
   return model;
 }
@@ -127,43 +115,4 @@ inline void Move(io::ColmapModel* model, const io::Sim3d& b_from_a) {
     frame.world_from_cam = io::TransformPose(b_from_a, frame.world_from_cam);
   }
   for (io::Point3D& point : model->scene.points) point.xyz = b_from_a * point.xyz;
-}
-
-struct PoseDifference {
-  double rotation_deg = 0;  // largest
-  double centre = 0;        // largest, as a share of the extent of the centres
-};
-
-// What remains between two models of the same pictures after the best similarity (Umeyama, PAMI 1991).
-inline PoseDifference Compare(const io::Scene& a, const io::Scene& b) {
-  const auto n = static_cast<Eigen::Index>(a.frames.size());
-  Eigen::Matrix3Xd from(3, n), to(3, n);
-  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const io::Rigid3d &pose_a = a.frames[static_cast<std::size_t>(i)].world_from_cam,
-                      &pose_b = b.frames[static_cast<std::size_t>(i)].world_from_cam;
-    from.col(i) = pose_a.translation, to.col(i) = pose_b.translation;
-    sum += pose_b.rotation * pose_a.rotation.transpose();
-  }
-  // Centred first: the offset of the world must not cost digits.
-  const Eigen::Vector3d mean = to.rowwise().mean();
-  to.colwise() -= mean;
-  from.colwise() -= from.rowwise().mean().eval();
-  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to);
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Matrix3d b_from_a = svd.matrixU() * svd.matrixV().transpose();
-  const double extent = to.colwise().norm().maxCoeff();
-  PoseDifference worst;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Vector3d moved =
-        similarity.topLeftCorner<3, 3>() * from.col(i) + similarity.topRightCorner<3, 1>();
-    worst.centre = std::max(worst.centre, (moved - to.col(i)).norm() / extent);
-    const Eigen::Matrix3d r = a.frames[static_cast<std::size_t>(i)].world_from_cam.rotation.transpose() *
-                              b_from_a.transpose() *
-                              b.frames[static_cast<std::size_t>(i)].world_from_cam.rotation;
-    const Eigen::Vector3d axis(r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1));
-    const double angle = std::atan2(axis.norm(), r.trace() - 1);
-    worst.rotation_deg = std::max(worst.rotation_deg, angle * 180 / std::numbers::pi);
-  }
-  return worst;
 }

@@ -12,6 +12,7 @@
 
 #include "io/image.h"
 #include "sfm/reconstruction.h"
+#include "tests/look_at.h"
 
 constexpr int kWidth = 400, kHeight = 300;
 const io::Camera kCamera{.width = kWidth, .height = kHeight, .fl_x = 380, .fl_y = 380, .cx = 200, .cy = 150};
@@ -57,15 +58,6 @@ inline double Shade(const Eigen::Vector3d& origin, const Eigen::Vector3d& direct
   return value;
 }
 
-inline io::Rigid3d LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
-  io::Rigid3d pose;
-  const Eigen::Vector3d back = (eye - target).normalized();
-  const Eigen::Vector3d right = Eigen::Vector3d::UnitY().cross(back).normalized();
-  pose.rotation << right, back.cross(right), back;
-  pose.translation = eye;
-  return pose;
-}
-
 class SmallCapture : public testing::Test {
  protected:
   SmallCapture() {
@@ -84,7 +76,7 @@ class SmallCapture : public testing::Test {
         for (int c = 0; c < 3; ++c) image.Pixel(x, y)[c] = grey;
       }
     }
-    const std::string name = "p" + std::to_string(pictures_.size()) + ".png";
+    const std::string name = 'p' + std::to_string(pictures_.size()) + ".png";
     std::filesystem::create_directories(folder_ / "images");
     io::WriteImage(folder_ / "images" / name, image);
     pictures_.push_back({.name = name, .width = kWidth, .height = kHeight, .focal_px = 380});
@@ -94,7 +86,7 @@ class SmallCapture : public testing::Test {
   // n pictures along an arc.
   void AddWalk(int n) {
     for (int i = 0; i < n; ++i)
-      Add(LookAt({1.6 * std::sin(0.16 * i), 0.1 * i, 1.6 * std::cos(0.16 * i)}, {0, 0, 0}));
+      Add(LookAt({1.6 * std::sin(0.16 * i), 0.1 * i, 1.6 * std::cos(0.16 * i)}, {0, 0, 0}, {0, 1, 0}));
   }
 
   // A picture that has nothing in common with the others.
