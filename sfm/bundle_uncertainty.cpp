@@ -194,6 +194,7 @@ class ReducedSystem {
   // squared length (L L^T)^-1_ii.
   Eigen::VectorXd Variances(Eigen::Index first) const {
     const Eigen::Index n = size_ - first;
+    if (n == 0) return {};  // nothing is free: Eigen's solver would refer to an element that does not exist
     if (factor_.info() != Eigen::Success) return Eigen::VectorXd::Constant(n, kInfinity);
     Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(size_, n);
     columns.bottomRows(n).setIdentity();
