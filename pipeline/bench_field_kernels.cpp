@@ -1,6 +1,7 @@
 // `pipeline bench kernels`: the kernels of the `hash` field against what the machine can do at most.
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <map>
 
 #include "io/atomic_file.h"

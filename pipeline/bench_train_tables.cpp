@@ -135,14 +135,10 @@ void WriteTrainingPlot(const std::filesystem::path& path, const std::vector<Budg
     PlotSeries line{.label = runs[0].time};
     // Seeds are monitored at slightly different moments: those of the first one stand for all.
     for (const double wall_s : runs[0].curve.wall_s) {
-      std::vector<double> psnr;
-      for (const TrainingResult& run : runs) {
-        const double value = PsnrAt(wall_s, run.curve);
-        if (std::isfinite(value)) psnr.push_back(value);
-      }
-      if (psnr.empty()) continue;
+      const Spread psnr = Over(runs, [=](const TrainingResult& run) { return PsnrAt(wall_s, run.curve); });
+      if (!std::isfinite(psnr.low + psnr.high)) continue;
       line.x.push_back(wall_s);
-      line.y.push_back(SpreadOf(psnr).median);
+      line.y.push_back(psnr.median);
     }
     lines.push_back(std::move(line));
   }

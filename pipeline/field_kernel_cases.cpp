@@ -1,4 +1,5 @@
 // The kernels of the `hash` field as training calls them, as cases of `pipeline bench kernels`.
+#include <algorithm>
 #include <memory>
 
 #include "nerf/random.h"

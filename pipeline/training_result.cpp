@@ -64,10 +64,14 @@ double PsnrAt(double wall_s, const TrainingCurve& curve) {
     const double share = (wall_s - at[i - 1]) / (at[i] - at[i - 1]);
     return std::lerp(curve.heldout_psnr[i - 1], curve.heldout_psnr[i], share);
   }
-  return std::numeric_limits<double>::quiet_NaN();
+  const bool is_over = !at.empty() && at.back() < wall_s;
+  return is_over ? curve.heldout_psnr.back() : std::numeric_limits<double>::quiet_NaN();
 }
 
 Spread SpreadOf(std::vector<double> values) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  if (std::any_of(values.begin(), values.end(), [](double v) { return std::isnan(v); }))
+    return {kNan, kNan, kNan};
   std::sort(values.begin(), values.end());
   const std::size_t n = values.size();
   const double median = n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);

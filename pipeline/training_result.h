@@ -25,13 +25,14 @@ TrainingResult ReadTrainingResult(const std::filesystem::path& run_folder, const
 // when it lies above, infinite when none does. seconds: the curve's wall_s or cpu_s.
 double SecondsTo(double psnr_db, const std::vector<double>& seconds, const std::vector<double>& psnr);
 
-// The held-out PSNR after wall_s, linear between the monitored points; NaN outside of them.
+// The held-out PSNR after wall_s, linear between the monitored points; NaN before the first, the last one's
+// after it.
 double PsnrAt(double wall_s, const TrainingCurve& curve);
 
 // Of several seeds.
 struct Spread {
   double median = 0, low = 0, high = 0;
 };
-Spread SpreadOf(std::vector<double> values);  // not empty
+Spread SpreadOf(std::vector<double> values);  // not empty; NaN where one of them is
 
 }  // namespace pipeline
