@@ -19,6 +19,8 @@ constexpr Benchmark kBenchmarks[] = {
     {"sfm",
      "poses: hard cases with truth (--matrix), speed against error on pictures (--images)",
      RunBenchSfm},
+    {"kernels", "field: the kernels of `hash` against what the machine can do at most", RunBenchKernels},
+    {"train", "field: quality over training time, for several budgets and seeds", RunBenchTrain},
 };
 
 }  // namespace
@@ -27,7 +29,7 @@ int RunBench(int argc, const char* const* argv) {
   const std::string what = argc > 1 ? argv[1] : "";
   if (what.empty() || what == "--help" || what == "-h") {
     std::printf("usage: pipeline bench WHAT [options]\n\n");
-    for (const Benchmark& benchmark : kBenchmarks) std::printf("  %-6s %s\n", benchmark.name, benchmark.help);
+    for (const Benchmark& benchmark : kBenchmarks) std::printf("  %-8s %s\n", benchmark.name, benchmark.help);
     return static_cast<int>(what.empty() ? io::ExitCode::kUsage : io::ExitCode::kOk);
   }
   std::vector<std::string> names;

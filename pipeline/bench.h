@@ -8,7 +8,9 @@
 
 namespace pipeline {
 
-int RunBenchSfm(int argc, const char* const* argv);  // `pipeline bench sfm`
+int RunBenchSfm(int argc, const char* const* argv);      // `pipeline bench sfm`
+int RunBenchKernels(int argc, const char* const* argv);  // `pipeline bench kernels`
+int RunBenchTrain(int argc, const char* const* argv);    // `pipeline bench train`
 
 struct MatrixOptions {
   std::filesystem::path out;       // receives matrix.csv

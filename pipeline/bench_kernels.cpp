@@ -7,6 +7,7 @@
 #include "io/format.h"
 #include "io/stopwatch.h"
 #include "pipeline/bench.h"
+#include "pipeline/bench_table.h"
 #include "sfm/kernels/kernels.h"
 #include "sfm/median.h"
 #include "sfm/random.h"
@@ -38,7 +39,9 @@ void RunKernels(const KernelOptions& options) {
   const int n = options.features;
   const std::vector<std::uint8_t> a = Descriptors(n, 1), b = Descriptors(n, 2);
   std::vector<kernels::Neighbour> from_a(static_cast<std::size_t>(n)), from_b(static_cast<std::size_t>(n));
-  std::string csv = "build,features,ms,gmac_per_s,peak_gmac_per_s,share_of_peak\n";
+  constexpr const char* kHeader = "build,features,ms,gmac_per_s,peak_gmac_per_s,share_of_peak";
+  CheckTableIsOurs(options.out / "kernels.csv", kHeader);
+  std::string csv = std::string(kHeader) + "\n";
   std::printf("nearest neighbours of %d x %d descriptors on one core, median of %d\n", n, n, kRounds);
   for (const char* name : {"avx512", "avx2", "portable"}) {
     const kernels::Kernel* kernel = kernels::FindKernel(name);

@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -44,9 +45,17 @@ std::string BenchMachine() {
 
 std::string BenchCommit() { return nlohmann::json::parse(VersionsJson())["commit"].get<std::string>(); }
 
+void CheckTableIsOurs(const std::filesystem::path& path, const std::string& header) {
+  std::string first;
+  if (!std::getline(std::ifstream(path), first) || first == header) return;
+  throw io::Error(io::ExitCode::kUsage,
+                  path.string() + ": was written by another benchmark",
+                  "Choose another --out, or remove the file");
+}
+
 void WriteBenchTable(const std::filesystem::path& path, const std::vector<BenchValue>& values) {
   const std::string machine = BenchMachine(), commit = BenchCommit();
-  std::string text = "machine,commit,what,parameters,metric,unit,value\n";
+  std::string text = std::string(kBenchTableHeader) + "\n";
   for (const BenchValue& v : values)
     text += CsvLine({machine, commit, v.what, v.parameters, v.metric, v.unit, CsvNumber(v.value)});
   io::WriteFileAtomically(path, text);

@@ -24,7 +24,12 @@ std::string CsvNumber(double value);
 std::string BenchMachine();
 std::string BenchCommit();
 
-// machine,commit,what,parameters,metric,unit,value
+// The header of the long table.
+inline constexpr const char* kBenchTableHeader = "machine,commit,what,parameters,metric,unit,value";
+// Benchmarks have tables of the same name. Throws kUsage when `path` exists and begins with another header.
+void CheckTableIsOurs(const std::filesystem::path& path, const std::string& header);
+
+// Under kBenchTableHeader.
 void WriteBenchTable(const std::filesystem::path& path, const std::vector<BenchValue>& values);
 
 // "a,b,c" without blanks around the parts; empty parts are dropped.

@@ -19,7 +19,7 @@ struct Command {
 constexpr Command kCommands[] = {
     {"run", "all stages: from pictures, a video or known poses to film and report", pipeline::RunAll},
     {"doctor", "check this computer: processor, BLAS, memory, disk, COLMAP, ffmpeg", pipeline::RunDoctor},
-    {"bench", "measure speed against error: bench sfm", pipeline::RunBench},
+    {"bench", "measure speed against error: bench sfm, bench kernels, bench train", pipeline::RunBench},
 };
 
 void PrintHelp() {

@@ -230,6 +230,14 @@ bool Options::IsSetByUser(const std::string& name) const {
   return origin == "flag" || origin == "file";
 }
 
+std::vector<std::string> Options::NamesSetByUser() const {
+  std::vector<std::string> names;
+  for (const auto& option : options_) {
+    if (!option->positional && IsSetByUser(option->name)) names.push_back(option->name);
+  }
+  return names;
+}
+
 std::string Options::ValueText(const std::string& name) const {
   const Option& option = *Find(name);
   const Json value = option.Value();

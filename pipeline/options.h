@@ -37,6 +37,8 @@ class Options {
   // Marks a value as chosen by measurement rather than by default, file or flag.
   void SetMeasured(const std::string& name);
   bool IsSetByUser(const std::string& name) const;
+  // Names of the flags for which that holds, in the order in which they were added.
+  std::vector<std::string> NamesSetByUser() const;
   // The value as one would write it after the flag.
   std::string ValueText(const std::string& name) const;
 

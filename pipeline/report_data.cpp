@@ -153,36 +153,6 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
 }
 
 // Reads the columns by the names of the header line.
-TrainingCurve ReadCurve(const fs::path& csv) {
-  TrainingCurve curve;
-  if (!fs::is_regular_file(csv)) return curve;
-  const std::pair<const char*, std::vector<double>*> columns[] = {{"step", &curve.step},
-                                                                  {"wall_s", &curve.wall_s},
-                                                                  {"loss", &curve.loss},
-                                                                  {"train_psnr", &curve.train_psnr},
-                                                                  {"heldout_psnr", &curve.heldout_psnr}};
-  const auto cells = [](const std::string& line) {
-    std::vector<std::string> result;
-    std::istringstream in(line);
-    for (std::string cell; std::getline(in, cell, ',');) result.push_back(cell);
-    return result;
-  };
-  std::istringstream in(io::ReadFile(csv));
-  std::string line;
-  std::getline(in, line);
-  const std::vector<std::string> header = cells(line);
-  while (std::getline(in, line)) {
-    const std::vector<std::string> row = cells(line);
-    for (const auto& [name, column] : columns) {
-      const std::size_t i = std::find(header.begin(), header.end(), name) - header.begin();
-      double value = std::numeric_limits<double>::quiet_NaN();
-      if (i < row.size()) std::from_chars(row[i].data(), row[i].data() + row[i].size(), value);
-      column->push_back(value);
-    }
-  }
-  return curve;
-}
-
 void GatherScores(const fs::path& run_folder, ReportData* data) {
   const Json metrics = ReadObject(run_folder / "evaluate" / "metrics.json");
   data->has_scores = metrics.contains("psnr");
@@ -213,6 +183,37 @@ void GatherScores(const fs::path& run_folder, ReportData* data) {
 }
 
 }  // namespace
+
+TrainingCurve ReadTrainingCurve(const fs::path& csv) {
+  TrainingCurve curve;
+  if (!fs::is_regular_file(csv)) return curve;
+  const std::pair<const char*, std::vector<double>*> columns[] = {{"step", &curve.step},
+                                                                  {"wall_s", &curve.wall_s},
+                                                                  {"cpu_s", &curve.cpu_s},
+                                                                  {"loss", &curve.loss},
+                                                                  {"train_psnr", &curve.train_psnr},
+                                                                  {"heldout_psnr", &curve.heldout_psnr}};
+  const auto cells = [](const std::string& line) {
+    std::vector<std::string> result;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, ',');) result.push_back(cell);
+    return result;
+  };
+  std::istringstream in(io::ReadFile(csv));
+  std::string line;
+  std::getline(in, line);
+  const std::vector<std::string> header = cells(line);
+  while (std::getline(in, line)) {
+    const std::vector<std::string> row = cells(line);
+    for (const auto& [name, column] : columns) {
+      const std::size_t i = std::find(header.begin(), header.end(), name) - header.begin();
+      double value = std::numeric_limits<double>::quiet_NaN();
+      if (i < row.size()) std::from_chars(row[i].data(), row[i].data() + row[i].size(), value);
+      column->push_back(value);
+    }
+  }
+  return curve;
+}
 
 ReportData GatherReport(const fs::path& run_folder) {
   ReportData data;
@@ -248,7 +249,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   data.train_s = NumberAt(train, "train_s");
   data.train_steps = NumberAt(train, "steps");
   data.train_parameters = NumberAt(train, "parameters");
-  data.curve = ReadCurve(run_folder / "train" / "curve.csv");
+  data.curve = ReadTrainingCurve(run_folder / "train" / "curve.csv");
   GatherScores(run_folder, &data);
 
   const Json render = ParseObject(ReadStageRecord(run_folder, "render"));

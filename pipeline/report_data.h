@@ -29,8 +29,10 @@ struct ViewFigures {
 
 // Columns of train/curve.csv; NaN where a cell is empty.
 struct TrainingCurve {
-  std::vector<double> step, wall_s, loss, train_psnr, heldout_psnr;
+  std::vector<double> step, wall_s, cpu_s, loss, train_psnr, heldout_psnr;
 };
+// Empty when there is no such file.
+TrainingCurve ReadTrainingCurve(const std::filesystem::path& csv);
 
 struct ReportData {
   std::string name;         // of the input, or of the run folder where that is unknown

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
 
 #include "io/error.h"
 #include "io/process.h"
+#include "pipeline/bar_plot.h"
 #include "pipeline/bench_table.h"
 #include "pipeline/plot_svg.h"
 #include "pipeline/stages.h"
@@ -62,6 +64,65 @@ TEST(Bench, KernelsAreTimedBesideThePeak) {
   const std::string csv = ReadText(dir / "kernels.csv");
   EXPECT_EQ(csv.rfind("build,features,ms,gmac_per_s,peak_gmac_per_s,share_of_peak\n", 0), 0u) << csv;
   EXPECT_NE(csv.find("\nportable,4096,"), std::string::npos) << csv;
+}
+
+// The value of column `i` of a line of CSV without quoted fields behind it, counted from the end.
+double FromEnd(const std::string& line, int i) {
+  std::size_t at = line.size();
+  for (int k = 0; k <= i; ++k) at = line.rfind(',', at - 1);
+  return std::strtod(line.c_str() + at + 1, nullptr);
+}
+
+TEST(Bench, FieldKernelsAreTimedBesideTheirLimits) {
+  const TempDir dir;
+  const auto [code, message] =
+      Bench({"kernels", "--out", dir.path().string(), "--builds", "portable", "--rounds", "1"});
+  ASSERT_EQ(code, 0) << message;
+  std::istringstream csv(ReadText(dir / "kernels.csv"));
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_EQ(line, pipeline::kBenchTableHeader);
+  int times = 0, shares = 0;
+  while (std::getline(csv, line)) {
+    EXPECT_GT(FromEnd(line, 0), 0) << line;
+    EXPECT_TRUE(std::isfinite(FromEnd(line, 0))) << line;
+    times += line.find(",time,ns/") != std::string::npos;
+    shares += line.find(",share of limit,%,") != std::string::npos;
+  }
+  // 2 formats of 6 x (encode, scatter), 5 x (matmul, matmul_gradient), head, head_gradient, 2 x adam; and
+  // 3 functions. One kind of arithmetic, 6 x 3 kinds of access, 3 streams.
+  EXPECT_EQ(shares, 2 * (12 + 10 + 2 + 2) + 3);
+  EXPECT_EQ(times, shares + 1 + 18 + 3);
+  const std::string svg = ReadText(dir / "kernels.svg");
+  EXPECT_NE(svg.find(">matmul_gradient 64x64 bf16</text>"), std::string::npos);
+  // Neither benchmark replaces the other's table.
+  ExpectUsageError({"sfm", "--out", dir.path().string(), "--kernels"}, "was written by another benchmark");
+  WriteText(dir / "kernels.csv", "build,features\n");
+  ExpectUsageError({"kernels", "--out", dir.path().string()}, "was written by another benchmark");
+}
+
+TEST(Bench, FieldKernelOptionsAreChecked) {
+  const TempDir dir;
+  const std::string out = (dir / "out").string();
+  EXPECT_EQ(Bench({"kernels", "--help"}).first, 0);
+  ExpectUsageError({"kernels"}, "--out DIR is missing");
+  ExpectUsageError({"kernels", "--out", out, "--builds", "avx3"}, "--builds: 'avx3' is unknown");
+  ExpectUsageError({"kernels", "--out", out, "--builds", ","}, "names no build");
+  ExpectUsageError({"kernels", "--out", out, "--rounds", "0"}, "--rounds: 0");
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST(Bench, BarsAreAsLongAsTheirValues) {
+  const std::string svg = pipeline::BarPlotSvg(
+      {.title = "<t>", .series = {"a", "b"}, .groups = {{"p", {50, std::nan("")}}, {"q", {0, 100}}}});
+  EXPECT_NE(svg.find("&lt;t&gt;"), std::string::npos);
+  EXPECT_NE(svg.find("width=\"250.0\""), std::string::npos) << svg;
+  EXPECT_NE(svg.find("width=\"500.0\""), std::string::npos);
+  int bars = 0;
+  for (std::size_t at = svg.find("<rect x"); at != std::string::npos; at = svg.find("<rect x", at + 1))
+    ++bars;
+  EXPECT_EQ(bars, 3);  // none for NaN
+  EXPECT_EQ(pipeline::BarPlotSvg({.groups = {{"p", {0}}}}), "");
 }
 
 // S14 has two pictures and is refused without starting COLMAP.
