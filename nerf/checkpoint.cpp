@@ -186,6 +186,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   }
   if (at != file.size()) Reject(path, "has bytes after its last tensor");
   scene_field->field->Refresh();
+  scene_field->grid.Refresh();
   return scene_field;
 }
 

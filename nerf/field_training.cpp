@@ -14,14 +14,14 @@ int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int h
 
 void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
                     std::uint64_t stride,
+                    std::uint64_t turn,
                     std::uint64_t seed,
                     std::uint64_t step,
                     SceneField* scene_field,
                     Workers* workers) {
   OccupancyGrid& grid = scene_field->grid;
   std::vector<std::uint32_t> cells;
-  for (std::size_t i = step / kRebuildEvery % stride; i < candidates.size(); i += stride)
-    cells.push_back(candidates[i]);
+  for (std::size_t i = turn % stride; i < candidates.size(); i += stride) cells.push_back(candidates[i]);
   std::vector<float> sigma(cells.size());
   constexpr std::size_t kTask = 4096;
   const float size = 1.f / static_cast<float>(grid.resolution());

@@ -46,13 +46,11 @@ std::unique_ptr<FieldTraining> MakeNerfTraining(const Dataset& dataset,
 // The next batch aims at `wanted` samples; at most a factor 2 per step, since one batch may be unusual.
 int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high);
 
-// Steps between rebuilds of the occupancy grid.
-inline constexpr std::uint64_t kRebuildEvery = 16;
-
-// Asks the field at a random point of every `stride`-th candidate cell, in turn, and remembers the densities.
-// Part of the step number `step`, which must be a multiple of kRebuildEvery.
+// Asks the field at a random point of every `stride`-th candidate cell, another set each `turn`, and
+// remembers the densities. Part of the step number `step`, which must be a multiple of kRebuildEvery.
 void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
                     std::uint64_t stride,
+                    std::uint64_t turn,
                     std::uint64_t seed,
                     std::uint64_t step,
                     SceneField* scene_field,

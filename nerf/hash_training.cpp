@@ -11,13 +11,17 @@ namespace nerf {
 namespace {
 
 constexpr int kShards = 16;
-// Training follows a ray to a transmittance of 1e-3; in unbounded scenes, where thin leftovers behind the
+// Training follows a ray to a transmittance of 1e-2; in unbounded scenes, where thin leftovers behind the
 // surfaces would take most of the samples, to 2e-2. The loss closes what is left.
-constexpr float kEarlyStopDepth = 6.9f, kUnboundedEarlyStopDepth = 3.9f;
+constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
-// At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every one
+// Samples between rebuilds of the occupancy grid.
+constexpr std::uint64_t kRebuildSamples = 1 << 20;
+// At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every 4th
 // is.
-constexpr std::uint64_t kProbeStride = 16, kSweepSteps = 256;
+constexpr std::uint64_t kProbeStride = 16, kFirstProbeStride = 4, kFirstSamples = 1 << 24;
+// Few, so that rays end soon after they became opaque: what is saved buys more rays.
+constexpr int kWaveSamples = 4;
 
 template <typename Real>
 class HashTraining : public FieldTraining {
@@ -25,13 +29,18 @@ class HashTraining : public FieldTraining {
   HashTraining(const Dataset& dataset, const TrainOptions& options, SceneField* scene_field, Workers* workers)
       : dataset_(dataset),
         options_(options),
+        schedule_(ScheduleOf(options)),
+        rebuild_every_(std::max<std::uint64_t>(
+            1, kRebuildSamples / static_cast<std::uint64_t>(options.samples_per_step))),
         scene_field_(scene_field),
         grid_(dynamic_cast<HashField&>(*scene_field->field).grid()),
         network_(std::get<HashNetwork<Real>>(dynamic_cast<HashField&>(*scene_field->field).network())),
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
-        candidates_(scene_field->grid.Candidates()) {}
+        candidates_(scene_field->grid.Candidates()) {
+    if (options.learning_rate > 0) schedule_.learning_rate = options.learning_rate;
+  }
 
   StepOutcome Step(double progress, TrainState* state) override;
   std::string Arithmetic() const override {
@@ -39,13 +48,12 @@ class HashTraining : public FieldTraining {
   }
 
  private:
-  double LearningRate() const {
-    return options_.learning_rate > 0 ? options_.learning_rate : kHashLearningRate;
-  }
   void Merge(double progress, const TrainState& state);
 
   const Dataset& dataset_;
   const TrainOptions& options_;
+  TrainingSchedule schedule_;
+  const std::uint64_t rebuild_every_;  // steps
   SceneField* scene_field_;
   HashGrid& grid_;
   HashNetwork<Real>& network_;
@@ -58,8 +66,8 @@ class HashTraining : public FieldTraining {
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_rays = state->n_rays, .n_shards = kShards};
-  const double share = std::min(1.0, progress / options_.step_scale_share);
-  plan.step_scale = static_cast<float>(std::pow(options_.first_step_scale, 1.0 - share));
+  plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
+  plan.wave_samples = kWaveSamples;
   plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
   plan.min_weight = static_cast<float>(options_.min_weight);
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
@@ -86,9 +94,10 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   }
   Merge(progress, *state);
   const std::uint64_t done = state->step + 1;
-  if (done % kRebuildEvery == 0) {
-    const std::uint64_t stride = done <= kSweepSteps ? 1 : kProbeStride;
-    ProbeOccupancy(candidates_, stride, state->seed, done, scene_field_, workers_);
+  if (done % rebuild_every_ == 0) {
+    const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
+    const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
+    ProbeOccupancy(candidates_, stride, done / rebuild_every_, state->seed, done, scene_field_, workers_);
     scene_field_->grid.Rebuild();
   }
   state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
@@ -99,12 +108,9 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
 // occupancy.
 template <typename Real>
 void HashTraining<Real>::Merge(double progress, const TrainState& state) {
-  const double tail =
-      std::max(0.0, progress - options_.learning_rate_hold) / (1.0 - options_.learning_rate_hold);
   const auto t = static_cast<double>(state.step + 1);
   kernels::AdamStep step;
-  step.learning_rate = static_cast<float>(LearningRate() * state.learning_rate_scale *
-                                          std::pow(options_.learning_rate_final, tail));
+  step.learning_rate = static_cast<float>(schedule_.LearningRate(progress) * state.learning_rate_scale);
   step.correction1 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta1}, t)));
   step.correction2 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta2}, t)));
   const int n_levels = static_cast<int>(grid_.levels().size());

@@ -18,6 +18,7 @@ constexpr float kEarlyStopDepth = 3.9f;
 // The network forms its first shape within this many steps; dropping cells before would drop the scene. Then
 // two random points of every cell decide, and later one of every 8th cell in turn.
 constexpr std::uint64_t kWarmUpSteps = 192, kSweeps = 2, kProbeStride = 8;
+constexpr std::uint64_t kRebuildEvery = 16;  // steps between rebuilds of the occupancy grid
 static_assert(kWarmUpSteps % kRebuildEvery == 0);
 
 class NerfTraining : public FieldTraining {
@@ -59,8 +60,8 @@ class NerfTraining : public FieldTraining {
 StepOutcome NerfTraining::Step(double progress, TrainState* state) {
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards, .wave_samples = kWaveSamples};
   plan.n_rays = IsPruned() ? std::min(state->n_rays, options_.nerf.rays) : options_.nerf.rays;
-  const double share = std::min(1.0, progress / options_.step_scale_share);
-  plan.step_scale = static_cast<float>(std::pow(options_.first_step_scale, 1.0 - share));
+  const double share = std::min(1.0, progress / options_.nerf.step_scale_share);
+  plan.step_scale = static_cast<float>(std::pow(options_.nerf.first_step_scale, 1.0 - share));
   plan.early_stop_depth = kEarlyStopDepth;
   const NerfShardContext context{dataset_, *scene_field_, field_, options_.nerf.white_background};
   workers_->Run(kShards, [&](int shard, int) {
@@ -124,9 +125,9 @@ void NerfTraining::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
     // From here on only what the network itself has found counts, not the first guess.
     scene_field_->grid.Forget();
     for (std::uint64_t sweep = 0; sweep < kSweeps; ++sweep)
-      ProbeOccupancy(candidates_, 1, seed + sweep, done, scene_field_, workers_);
+      ProbeOccupancy(candidates_, 1, 0, seed + sweep, done, scene_field_, workers_);
   }
-  ProbeOccupancy(candidates_, kProbeStride, seed, done, scene_field_, workers_);
+  ProbeOccupancy(candidates_, kProbeStride, done / kRebuildEvery, seed, done, scene_field_, workers_);
   scene_field_->grid.Rebuild(true);
 }
 

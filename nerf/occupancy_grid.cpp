@@ -40,6 +40,26 @@ OccupancyGrid::OccupancyGrid(int resolution, const SpaceMap& map) : resolution_(
   const std::size_t n = static_cast<std::size_t>(resolution);
   density_.assign(n * n * n, 0.f);
   distance_.assign(n * n * n, 1);
+  Refresh();
+}
+
+void OccupancyGrid::Refresh() {
+  const auto n = static_cast<std::uint32_t>(resolution_), blocks = n / kBlock;
+  block_distance_.assign(std::size_t{blocks} * blocks * blocks, kMaxDistance);
+  block_cells_.assign(block_distance_.size(), 0);
+  const std::uint8_t* distance = distance_.data();
+  for (std::uint32_t z = 0; z < n; ++z) {
+    for (std::uint32_t y = 0; y < n; ++y) {
+      const std::uint32_t row = (z / kBlock * blocks + y / kBlock) * blocks;
+      const std::uint32_t row_bit = (z % kBlock * kBlock + y % kBlock) * kBlock;
+      for (std::uint32_t x = 0; x < n; ++x) {
+        const std::uint8_t d = *distance++;
+        std::uint8_t& least = block_distance_[row + x / kBlock];
+        least = std::min(least, d);
+        block_cells_[row + x / kBlock] |= std::uint64_t{d == 0} << (row_bit + x % kBlock);
+      }
+    }
+  }
 }
 
 std::array<float, 3> OccupancyGrid::CellCentre(std::uint32_t cell) const {
@@ -104,6 +124,7 @@ void OccupancyGrid::Rebuild(bool cautious) {
     seen = bits;
     Dilate(resolution_, &bits, &scratch);
   }
+  Refresh();
 }
 
 }  // namespace nerf

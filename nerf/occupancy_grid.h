@@ -41,6 +41,20 @@ class OccupancyGrid {
 
   // 0: occupied; d > 0: every cell closer than d cells (maximum norm) is empty.
   std::uint8_t Distance(std::uint32_t cell) const { return distance_[cell]; }
+  // The same for rays, from arrays that stay in the first-level caches: 0 where the cell at a position is
+  // occupied, else the distance of its block of 4 x 4 x 4 cells, which is the least among them, at least 1.
+  int DistanceAt(const float unit[3]) const {
+    const auto index = [this](float u) {
+      return static_cast<std::uint32_t>(
+          std::min(static_cast<int>(u * static_cast<float>(resolution_)), resolution_ - 1));
+    };
+    const std::uint32_t x = index(unit[0]), y = index(unit[1]), z = index(unit[2]);
+    const auto n = static_cast<std::uint32_t>(resolution_) / kBlock;
+    const std::uint32_t block = ((z / kBlock) * n + y / kBlock) * n + x / kBlock;
+    if (block_distance_[block] > 0) return block_distance_[block];
+    const std::uint32_t bit = (z % kBlock * kBlock + y % kBlock) * kBlock + x % kBlock;
+    return block_cells_[block] >> bit & 1 ? 0 : 1;
+  }
 
   // A training sample saw density sigma in the cell.
   void Visit(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell] * kDecay, sigma); }
@@ -73,16 +87,22 @@ class OccupancyGrid {
   std::vector<float>& density() { return density_; }
   const std::vector<float>& density() const { return density_; }
   std::vector<std::uint8_t>& distance() { return distance_; }
+  // To be called after distances were set through distance().
+  void Refresh();
 
  private:
   static constexpr float kNeverOccupied = -1.f;
   // Longest jump that is remembered; longer ones gain nothing, because rays leave the cube.
   static constexpr int kMaxDistance = 24;
+  static constexpr std::uint32_t kBlock = 4;  // side of a block, whose cells fill a word of 64 bits
 
   int resolution_ = 0;
   SpaceMap map_;
   std::vector<float> density_;
   std::vector<std::uint8_t> distance_;
+  // Per block: the least distance of its cells, and a bit for each occupied one.
+  std::vector<std::uint8_t> block_distance_;
+  std::vector<std::uint64_t> block_cells_;
 };
 
 }  // namespace nerf

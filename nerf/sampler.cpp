@@ -35,8 +35,7 @@ int Sampler::March(
     float x[3], unit[3];
     for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + middle * ray.direction[i];
     map_.ToUnit(x, unit);
-    const std::uint32_t cell = grid_.CellAt(unit);
-    const int distance = grid_.Distance(cell);
+    const int distance = grid_.DistanceAt(unit);
     if (distance > 1) {
       float speed = map_.MaxSpeed(0.f, false);
       if (map_.unbounded) {
@@ -55,7 +54,7 @@ int Sampler::March(
       samples->z.push_back(unit[2]);
       samples->delta.push_back(delta);
       samples->t.push_back(middle);
-      samples->cell.push_back(cell);
+      samples->cell.push_back(grid_.CellAt(unit));
       ++count;
     }
     start += delta;

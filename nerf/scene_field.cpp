@@ -13,7 +13,7 @@ namespace {
 // through thin leftovers; longer intervals buy more rays.
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
 constexpr double kFinestCellPixels = 0.67;
-constexpr int kLog2HashmapSize = 18;
+constexpr int kLog2HashmapSize = 17;
 constexpr int kReportSamples = 192;
 constexpr int kGridResolution = 128;
 constexpr int kHullResolution = 64;  // of the first carving, which only finds the box

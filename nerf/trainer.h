@@ -3,16 +3,18 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "io/scene.h"
 #include "nerf/scene_field.h"
 #include "nerf/training_curve.h"
+#include "nerf/training_schedule.h"
 
 namespace nerf {
 
-inline constexpr double kHashLearningRate = 1e-2, kNerfLearningRate = 2e-3;
+inline constexpr double kNerfLearningRate = 2e-3;
 
 // What only the `nerf` field has; the defaults train best, ReportTrainOptions() are the report's.
 struct NerfTrainOptions {
@@ -22,6 +24,8 @@ struct NerfTrainOptions {
   // Steps over which the rate rises to the first one. Without, 6 of 8 seeds on a mostly white scene overshot
   // into empty space and stayed there; with it none did (tests/nerf_nerf_faults_test.cpp).
   int learning_rate_warm_up = 256;
+  double first_step_scale = 2.5;  // sampling intervals start this much longer ...
+  double step_scale_share = 0.3;  // ... and shrink to 1 within this share of the run
   bool white_background = false;  // pictures with alpha on white only, as the report; else on all backgrounds
 };
 
@@ -30,17 +34,17 @@ struct TrainOptions {
   int steps = 0;  // > 0: this many steps instead; the result then depends on nothing but seed and inputs
   std::uint64_t seed = 1;
   int threads = 1;
-  double learning_rate = 0;           // Adam; 0: the field's own, above
-  int samples_per_step = 1 << 16;     // `hash`: target; the number of rays follows from the samples they meet
-  double learning_rate_hold = 0.4;    // `hash`: share of the run before the rate falls exponentially ...
-  double learning_rate_final = 0.02;  // ... to this share of the first
-  double first_step_scale = 2.5;      // sampling intervals start this much longer ...
-  double step_scale_share = 0.3;      // ... and shrink to 1 within this share of the run
-  double min_weight = 1e-4;           // `hash`: samples with less weight are not differentiated
+  double learning_rate = 0;        // Adam; 0: the field's own, above
+  int samples_per_step = 1 << 14;  // `hash`: target; the number of rays follows from the samples they meet
+  double min_weight = 1e-4;        // `hash`: samples with less weight are not differentiated
+  std::optional<TrainingSchedule> schedule;  // `hash`; otherwise by what time or steps afford
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
   NerfTrainOptions nerf;
 };
+
+// options.schedule, or the best known for options.time_s or options.steps.
+TrainingSchedule ScheduleOf(const TrainOptions& options);
 
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,
 // 192 stratified samples with an open end on [near, far], 4096 rays, white background, 100,000 steps.

@@ -8,6 +8,7 @@
 
 #include "io/error.h"
 #include "io/mask.h"
+#include "nerf/hull_pixels.h"
 #include "nerf/metrics.h"
 #include "nerf/monitor.h"
 #include "nerf/occupancy_init.h"
@@ -250,6 +251,42 @@ TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
   }
   EXPECT_GT(n_candidates, 5000);
   for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(box[i], candidates[i], 1e-6) << i;
+}
+
+// Every pixel whose ray has samples is kept, whatever the order of masks and hull; most of the others are
+// not.
+TEST(DropPixelsBesideHull, KeepsEveryPixelWhoseRayMeetsTheHull) {
+  const TempDir dir;
+  // With a focal length of 3 picture sizes the border cuts the ball.
+  for (const double focal : {1.25, 3.0}) {
+    const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96, .focal = focal});
+    const SpaceMap map = SpaceMap::FromScene(scene, false);
+    Workers workers(2);
+    OccupancyGrid grid(64, map);
+    Dataset dataset = LoadDataset(scene, 1);
+    CarveByMasks(scene, dataset, map, &workers, &grid);
+    grid.Rebuild();
+    DropPixelsBesideHull(scene, map, grid.resolution(), &workers, &dataset);
+    const std::vector<bool> used = dataset.UsedPixels();
+    const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+    std::size_t n_met = 0, n_dropped = 0;
+    for (std::size_t pixel = 0; pixel < dataset.n_pixels(); ++pixel) {
+      const View& view = dataset.ViewOf(pixel);
+      const int in_view = static_cast<int>(pixel - view.first_pixel);
+      const Ray ray = view.camera.RayThrough(in_view % view.width, in_view / view.width);
+      float t, t_last;
+      sampler.Range(ray, &t, &t_last);
+      Samples samples;
+      const bool meets = t < t_last && sampler.March(ray, 1, t_last, 1, &t, &samples) > 0;
+      ASSERT_TRUE(!meets || used.empty() || used[pixel]) << pixel << " of " << view.name;
+      n_met += meets;
+      n_dropped += !used.empty() && !used[pixel];
+    }
+    EXPECT_GT(n_met, 1000u);
+    if (focal < 2) {
+      EXPECT_GT(n_dropped, dataset.n_pixels() / 4);
+    }
+  }
 }
 
 // Two views along +z and -z whose masks use the left half of what each sees, which is one half of the space.

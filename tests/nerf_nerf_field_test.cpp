@@ -44,6 +44,7 @@ class TrainedBall : public testing::Test {
     auto result = std::make_unique<SceneField>(trained_->map, sampling, std::move(field), 64);
     result->grid.density() = trained_->grid.density();
     result->grid.distance() = trained_->grid.distance();
+    result->grid.Refresh();
     return result;
   }
 

@@ -122,12 +122,11 @@ TEST(HashTraining, ResumeContinuesBitForBit) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 8, 0, kStratifiedFar);
   TrainOptions options;
-  options.samples_per_step = 4096;
+  options.samples_per_step = 1 << 16;  // so many that the occupancy grid is rebuilt on both sides of the cut
   options.field.log2_hashmap_size = 12;
   options.field.finest_resolution = 64;
   options.field.grid_resolution = 64;
-  options.learning_rate_hold = 1 - 1e-9;  // schedules that do not depend on `steps`
-  options.step_scale_share = 1e-9;
+  options.schedule = TrainingSchedule{.hold = 1, .first_step_scale = 1};  // independent of `steps`
   for (const auto& [folder, steps] : {std::pair("straight", 45), {"cut", 37}, {"cut", 45}}) {
     options.steps = steps;
     std::filesystem::create_directories(dir / folder);

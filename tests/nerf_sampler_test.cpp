@@ -209,6 +209,9 @@ TEST(OccupancyGrid, DistancesEqualBruteForce) {
       nearest = std::min(nearest, std::max({dx, dy, std::abs(o[2] - static_cast<int>(cell / 4096))}));
     }
     ASSERT_EQ(grid.Distance(cell), nearest) << cell;
+    const std::array<float, 3> centre = grid.CellCentre(cell);
+    const int seen = grid.DistanceAt(centre.data());
+    ASSERT_TRUE(nearest == 0 ? seen == 0 : seen >= 1 && seen <= nearest) << cell;
   }
 }
 

@@ -92,8 +92,8 @@ TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   // Schedules follow step / steps, so the first part of a run of 60 needs the same options as the whole: it
   // is cut by a checkpoint every step and a copy of the one that is there when 60 are done in two goes.
   TrainOptions whole = SmallOptions(60), part = whole;
-  part.learning_rate_hold = whole.learning_rate_hold = 1 - 1e-9;  // constant rate: independent of `steps`
-  part.step_scale_share = whole.step_scale_share = 1e-9;
+  // Independent of `steps`.
+  part.schedule = whole.schedule = TrainingSchedule{.hold = 1, .first_step_scale = 1};
   part.steps = 25;
   const auto straight = dir.path() / "straight", resumed = dir.path() / "resumed";
   std::filesystem::create_directories(straight);

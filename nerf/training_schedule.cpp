@@ -1,0 +1,33 @@
+#include "nerf/training_schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nerf {
+
+double TrainingSchedule::LearningRate(double progress) const {
+  const double tail = hold < 1 ? std::max(0.0, progress - hold) / (1 - hold) : 0;
+  return learning_rate * std::pow(last_rate, tail);
+}
+
+double TrainingSchedule::StepScale(double progress) const {
+  const double share = std::min(1.0, progress / step_scale_share);
+  return std::pow(first_step_scale, 1 - share) * std::pow(last_step_scale, share);
+}
+
+TrainingSchedule ScheduleFor(double n_samples) {
+  TrainingSchedule schedule;
+  if (n_samples < 30e6) {
+    schedule = {.log2_hashmap_size = n_samples < 8e6 ? 15 : 16,
+                .learning_rate = 2e-2,
+                .hold = 0.8,
+                .last_rate = 0.1,
+                .last_step_scale = 1.5,
+                .step_scale_share = 0.8};
+  } else if (n_samples > 250e6) {
+    schedule.log2_hashmap_size = 18;
+  }
+  return schedule;
+}
+
+}  // namespace nerf

@@ -1,0 +1,26 @@
+// How the training of the `hash` field unfolds over its budget. Capacity, learning rate and sampling are
+// chosen for the number of samples that the budget affords: what is best after a minute is not what is best
+// after five seconds, cut off later.
+#pragma once
+
+namespace nerf {
+
+struct TrainingSchedule {
+  int log2_hashmap_size = 17;
+  double learning_rate = 1e-2;  // of Adam, held for a share of the run ...
+  double hold = 0.6;
+  double last_rate = 0.02;  // ... before it falls exponentially to this share
+  // Sampling intervals start longer than the field's own, for more rays with the same samples, and shrink
+  // exponentially within a share of the run.
+  double first_step_scale = 6, last_step_scale = 1, step_scale_share = 0.5;
+
+  // At progress in [0, 1].
+  double LearningRate(double progress) const;
+  double StepScale(double progress) const;
+};
+
+// The best schedule known for about n_samples samples. Measured on the validation views of Lego; see
+// nerf/README.md.
+TrainingSchedule ScheduleFor(double n_samples);
+
+}  // namespace nerf

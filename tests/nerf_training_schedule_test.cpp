@@ -1,0 +1,50 @@
+// The schedule of the `hash` field: its ends, its monotony, and capacity that grows with the budget.
+#include "nerf/training_schedule.h"
+
+#include <gtest/gtest.h>
+
+#include "nerf/trainer.h"
+
+namespace nerf {
+namespace {
+
+TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
+  for (const double n_samples : {1e6, 2e7, 1e8, 1e9}) {
+    const TrainingSchedule schedule = ScheduleFor(n_samples);
+    EXPECT_EQ(schedule.LearningRate(0), schedule.learning_rate);
+    EXPECT_EQ(schedule.LearningRate(schedule.hold), schedule.learning_rate);
+    EXPECT_NEAR(schedule.LearningRate(1), schedule.learning_rate * schedule.last_rate, 1e-12);
+    EXPECT_EQ(schedule.StepScale(0), schedule.first_step_scale);
+    EXPECT_NEAR(schedule.StepScale(schedule.step_scale_share), schedule.last_step_scale, 1e-12);
+    EXPECT_NEAR(schedule.StepScale(1), schedule.last_step_scale, 1e-12);
+    for (int i = 0; i < 100; ++i) {
+      EXPECT_GE(schedule.LearningRate(0.01 * i), schedule.LearningRate(0.01 * (i + 1)));
+      EXPECT_GE(schedule.StepScale(0.01 * i), schedule.StepScale(0.01 * (i + 1)));
+    }
+  }
+  EXPECT_EQ((TrainingSchedule{.hold = 1}.LearningRate(1)), TrainingSchedule{}.learning_rate);
+}
+
+TEST(TrainingSchedule, CapacityGrowsWithTheBudget) {
+  int before = 0;
+  for (const double n_samples : {1e6, 2e7, 1e8, 1e9}) {
+    const int size = ScheduleFor(n_samples).log2_hashmap_size;
+    EXPECT_GT(size, before);
+    before = size;
+  }
+}
+
+TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
+  TrainOptions options;
+  options.steps = 100;
+  options.samples_per_step = 1 << 14;
+  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, ScheduleFor(100 << 14).log2_hashmap_size);
+  options.steps = 0;
+  options.time_s = 3600;
+  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, ScheduleFor(1e9).log2_hashmap_size);
+  options.schedule = TrainingSchedule{.log2_hashmap_size = 11};
+  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 11);
+}
+
+}  // namespace
+}  // namespace nerf
