@@ -55,6 +55,11 @@ class Sampler {
   }
 
  private:
+  // March on a path through the unit cube: At(t, unit) and SpeedFrom(t, delta), see sampler.cpp.
+  template <typename Path>
+  int MarchAlong(
+      const Path& path, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
+
   SamplerOptions options_;
   const SpaceMap& map_;
   const OccupancyGrid& grid_;
