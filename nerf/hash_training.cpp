@@ -38,9 +38,7 @@ class HashTraining : public FieldTraining {
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
-        candidates_(scene_field->grid.Candidates()) {
-    if (options.learning_rate > 0) schedule_.learning_rate = options.learning_rate;
-  }
+        candidates_(scene_field->grid.Candidates()) {}
 
   StepOutcome Step(double progress, TrainState* state) override;
   std::string Arithmetic() const override {
@@ -52,7 +50,7 @@ class HashTraining : public FieldTraining {
 
   const Dataset& dataset_;
   const TrainOptions& options_;
-  TrainingSchedule schedule_;
+  const TrainingSchedule schedule_;
   const std::uint64_t rebuild_every_;  // steps
   SceneField* scene_field_;
   HashGrid& grid_;

@@ -100,9 +100,11 @@ void Trainer::MakeTraining() {
 }
 
 void Trainer::MakeField() {
+  const TrainingSchedule schedule = ScheduleOf(options_);
   SceneFieldOptions field = options_.field;
-  if (field.log2_hashmap_size == 0) field.log2_hashmap_size = ScheduleOf(options_).log2_hashmap_size;
+  field.log2_hashmap_size = schedule.log2_hashmap_size;
   scene_field_ = MakeSceneField(scene_, dataset_, field, state_.seed, &workers_, &report_.derivation);
+  if (field.field == "hash") report_.events.push_back("schedule for this budget: " + schedule.Text());
   MakeTraining();
 }
 
@@ -258,11 +260,16 @@ TrainReport Trainer::Run() {
 }  // namespace
 
 TrainingSchedule ScheduleOf(const TrainOptions& options) {
-  // What a thread of a processor with AVX-512 does; a wrong guess costs a tenth of a decibel.
+  // What a thread of a processor with AVX-512 does; it only decides between a few capacities.
   constexpr double kSamplesPerThreadSecond = 1.2e6;
-  if (options.schedule) return *options.schedule;
-  return ScheduleFor(options.steps > 0 ? double{1} * options.steps * options.samples_per_step
-                                       : options.time_s * options.threads * kSamplesPerThreadSecond);
+  TrainingSchedule schedule =
+      options.schedule
+          ? *options.schedule
+          : ScheduleFor(options.steps > 0 ? 1.0 * options.steps * options.samples_per_step
+                                          : options.time_s * options.threads * kSamplesPerThreadSecond);
+  if (options.learning_rate > 0) schedule.learning_rate = options.learning_rate;
+  if (options.field.log2_hashmap_size > 0) schedule.log2_hashmap_size = options.field.log2_hashmap_size;
+  return schedule;
 }
 
 TrainReport Train(const io::Scene& scene,

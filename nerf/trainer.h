@@ -43,7 +43,8 @@ struct TrainOptions {
   NerfTrainOptions nerf;
 };
 
-// options.schedule, or the best known for options.time_s or options.steps.
+// options.schedule, or the best known for options.time_s or options.steps; with the rate and the table size
+// that were given.
 TrainingSchedule ScheduleOf(const TrainOptions& options);
 
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,

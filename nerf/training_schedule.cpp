@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 namespace nerf {
 
@@ -13,6 +14,23 @@ double TrainingSchedule::LearningRate(double progress) const {
 double TrainingSchedule::StepScale(double progress) const {
   const double share = std::min(1.0, progress / step_scale_share);
   return std::pow(first_step_scale, 1 - share) * std::pow(last_step_scale, share);
+}
+
+std::string TrainingSchedule::Text() const {
+  char text[200];
+  std::snprintf(
+      text,
+      sizeof text,
+      "tables of 2^%d entries; rate %g for %.0f %% of the run, then falling to %g; intervals %g times "
+      "as long at first, %g after %.0f %%",
+      log2_hashmap_size,
+      learning_rate,
+      100 * hold,
+      learning_rate * last_rate,
+      first_step_scale,
+      last_step_scale,
+      100 * step_scale_share);
+  return text;
 }
 
 TrainingSchedule ScheduleFor(double n_samples) {

@@ -3,6 +3,8 @@
 // after five seconds, cut off later.
 #pragma once
 
+#include <string>
+
 namespace nerf {
 
 struct TrainingSchedule {
@@ -17,6 +19,8 @@ struct TrainingSchedule {
   // At progress in [0, 1].
   double LearningRate(double progress) const;
   double StepScale(double progress) const;
+  // One line for the record of a run.
+  std::string Text() const;
 };
 
 // The best schedule known for about n_samples samples. Measured on the validation views of Lego; see

@@ -44,6 +44,11 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, ScheduleFor(1e9).log2_hashmap_size);
   options.schedule = TrainingSchedule{.log2_hashmap_size = 11};
   EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 11);
+  options.field.log2_hashmap_size = 12;
+  options.learning_rate = 0.125;
+  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 12);
+  EXPECT_NE(ScheduleOf(options).Text().find("tables of 2^12 entries; rate 0.125 for 60 %"),
+            std::string::npos);
 }
 
 }  // namespace
