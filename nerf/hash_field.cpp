@@ -16,42 +16,32 @@ HashField::Network MakeNetwork(bool bf16, std::uint64_t seed) {
   return HashNetwork<float>(seed);
 }
 
-template <typename Real>
-void Query(const HashGrid& grid,
-           const HashNetwork<Real>& network,
-           const Samples& samples,
-           std::span<const Ray> rays,
-           std::span<const int> ray_of,
-           float* sigma,
-           float* rgb) {
+// Calls body(first, rows) with the densities of kQueryRows samples at a time.
+template <typename Real, typename Body>
+void QueryDensities(const HashGrid& grid,
+                    const HashNetwork<Real>& network,
+                    const Samples& samples,
+                    const Body& body) {
   thread_local NetworkRows<Real> rows;
   for (int first = 0; first < samples.size(); first += kQueryRows) {
     rows.Resize(std::min(kQueryRows, samples.size() - first));
     grid.Encode(samples, first, rows.n, rows.features.data());
     network.QueryDensity(&rows);
-    const auto ray_at = [&](int i) { return ray_of[static_cast<std::size_t>(first + i)]; };
-    for (int begin = 0, end; begin < rows.n; begin = end) {
-      for (end = begin + 1; end < rows.n && ray_at(end) == ray_at(begin);) ++end;
-      network.SetDirection(rays[static_cast<std::size_t>(ray_at(begin))].direction, begin, end, &rows);
-    }
-    network.QueryColour(&rows);
-    std::copy_n(rows.sigma.begin(), rows.n, sigma + first);
-    std::copy_n(rows.rgb.begin(), 3 * rows.n, rgb + 3 * static_cast<std::ptrdiff_t>(first));
+    body(first, &rows);
   }
 }
 
 template <typename Real>
-void QueryDensity(const HashGrid& grid,
-                  const HashNetwork<Real>& network,
-                  const Samples& samples,
-                  float* sigma) {
-  thread_local NetworkRows<Real> rows;
-  for (int first = 0; first < samples.size(); first += kQueryRows) {
-    rows.Resize(std::min(kQueryRows, samples.size() - first));
-    grid.Encode(samples, first, rows.n, rows.features.data());
-    network.QueryDensity(&rows);
-    std::copy_n(rows.sigma.begin(), rows.n, sigma + first);
+void QueryColours(const HashNetwork<Real>& network,
+                  std::span<const Ray> rays,
+                  std::span<const int> ray_of,  // of the rows
+                  NetworkRows<Real>* rows) {
+  const auto ray_at = [&](int i) { return static_cast<std::size_t>(ray_of[static_cast<std::size_t>(i)]); };
+  for (int begin = 0, end; begin < rows->n; begin = end) {
+    for (end = begin + 1; end < rows->n && ray_at(end) == ray_at(begin);) ++end;
+    network.SetDirection(rays[ray_at(begin)].direction, begin, end, rows);
   }
+  network.QueryColour(rows);
 }
 
 }  // namespace
@@ -71,7 +61,12 @@ std::size_t HashField::n_parameters() const {
 }
 
 void HashField::QueryDensity(const Samples& samples, float* sigma) const {
-  std::visit([&](const auto& network) { nerf::QueryDensity(grid_, network, samples, sigma); }, network_);
+  const auto query = [&](const auto& network) {
+    QueryDensities(grid_, network, samples, [&](int first, const auto* rows) {
+      std::copy_n(rows->sigma.begin(), rows->n, sigma + first);
+    });
+  };
+  std::visit(query, network_);
 }
 
 void HashField::Query(const Samples& samples,
@@ -80,8 +75,14 @@ void HashField::Query(const Samples& samples,
                       int /*pass*/,
                       float* sigma,
                       float* rgb) const {
-  std::visit([&](const auto& network) { nerf::Query(grid_, network, samples, rays, ray_of, sigma, rgb); },
-             network_);
+  const auto query = [&](const auto& network) {
+    QueryDensities(grid_, network, samples, [&](int first, auto* rows) {
+      QueryColours(network, rays, ray_of.subspan(static_cast<std::size_t>(first)), rows);
+      std::copy_n(rows->sigma.begin(), rows->n, sigma + first);
+      std::copy_n(rows->rgb.begin(), 3 * rows->n, rgb + 3 * static_cast<std::ptrdiff_t>(first));
+    });
+  };
+  std::visit(query, network_);
 }
 
 FieldConfig HashField::Config() const {

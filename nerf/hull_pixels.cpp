@@ -7,12 +7,9 @@ namespace nerf {
 namespace {
 
 // A cell stays in the hull when the square around its projection, of half side r, holds a pixel that is not
-// transparent; a ray through the cell is within r of its centre. Returns 2 r and two pixels for rounding, or
-// a negative value when the camera is inside the cube, or too near to tell.
-float ReachInPixels(const io::Camera& camera,
-                    const Eigen::Vector3d& position,
-                    const SpaceMap& map,
-                    int cells) {
+// transparent; a ray through the cell is within r of its centre. Returns 2 r and two pixels for rounding; the
+// longer side of the picture when the camera is inside the cube, or too near to tell.
+int ReachInPixels(const io::Camera& camera, const Eigen::Vector3d& position, const SpaceMap& map, int cells) {
   const double half_x = 0.5 * camera.width / camera.fl_x, half_y = 0.5 * camera.height / camera.fl_y;
   const double slant = std::sqrt(1 + half_x * half_x + half_y * half_y);  // distance / depth, at the corners
   const double radius = 0.5 * std::sqrt(3.0) * map.InnerSide() / cells;

@@ -8,34 +8,19 @@
 
 #include "io/error.h"
 #include "io/mask.h"
-#include "nerf/hull_pixels.h"
 #include "nerf/metrics.h"
 #include "nerf/monitor.h"
-#include "nerf/occupancy_init.h"
 #include "nerf/random.h"
 #include "nerf/ray_batch.h"
 #include "nerf/scene_field.h"
 #include "nerf/volume_rendering.h"
-#include "tests/ball_scene.h"
+#include "tests/picture_scene.h"
 #include "tests/temp_dir.h"
 
 namespace nerf {
 namespace {
 
-io::Scene SceneOf(const std::vector<std::filesystem::path>& pictures, int width, int height) {
-  io::Scene scene;
-  io::Camera camera;
-  camera.width = width, camera.height = height;
-  camera.fl_x = camera.fl_y = 1.2 * width;
-  camera.cx = 0.5 * width, camera.cy = 0.5 * height;
-  scene.cameras.push_back(camera);
-  for (const auto& path : pictures) {
-    io::Frame frame;
-    frame.image_path = path;
-    scene.frames.push_back(frame);
-  }
-  return scene;
-}
+using tests::SceneOf;
 
 // Every alpha with its own colour.
 io::Image GradedAlpha() {
@@ -210,119 +195,6 @@ TEST(DrawRays, ComeFromUsedPixelsAloneAndFromAllOfThemAlike) {
     if (views.Uses(pixel)) chi2 += (counts[pixel] - expected) * (counts[pixel] - expected) / expected;
   }
   EXPECT_NEAR(chi2, 527, 5 * std::sqrt(2 * 527.0));
-}
-
-// Every point of the ball lies in a candidate cell; a cell whose eight corners one view sees well beside the
-// ball is empty; the box holds the candidates and no more.
-TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
-  const TempDir dir;
-  const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96});
-  const SpaceMap map = SpaceMap::FromScene(scene, false);
-  Workers workers(2);
-  OccupancyGrid grid(64, map);
-  const std::array<float, 6> box = CarveByMasks(scene, LoadDataset(scene, 1), map, &workers, &grid);
-  // In the picture the ball's disc has a radius of 0.8 / 4 of the focal length, a little more off the centre;
-  // two pixels cover the edge and the square around a cell's ball.
-  const double disc = 1.05 * 0.2 * scene.cameras[0].fl_x + 2;
-  const double cell_px = scene.cameras[0].fl_x * 2.4 / 64 / 2.8;
-  std::array<float, 6> candidates = {1, 1, 1, 0, 0, 0};
-  int n_candidates = 0;
-  for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
-    const std::array<float, 3> unit = grid.CellCentre(cell);
-    Eigen::Vector3f x;
-    map.FromUnit(unit.data(), x.data());
-    const bool candidate = !grid.IsNeverOccupied(cell);
-    ASSERT_TRUE(candidate || x.norm() > 0.8f) << x.transpose();
-    bool beside = false;
-    for (const io::Frame& frame : scene.frames) {
-      const auto at = io::ImgFromCam(scene.cameras[0], frame.world_from_cam.Inverse() * x.cast<double>());
-      ASSERT_TRUE(at);
-      const double margin = 2 * cell_px;
-      const bool inside = at->minCoeff() > margin && at->maxCoeff() < 96 - margin;
-      beside |= inside && (*at - Eigen::Vector2d(48, 48)).norm() > disc + margin;
-    }
-    ASSERT_FALSE(beside && candidate) << x.transpose();
-    if (!candidate) continue;
-    ++n_candidates;
-    for (std::size_t i = 0; i < 3; ++i) {
-      candidates[i] = std::min(candidates[i], unit[i] - 0.5f / 64);
-      candidates[i + 3] = std::max(candidates[i + 3], unit[i] + 0.5f / 64);
-    }
-  }
-  EXPECT_GT(n_candidates, 5000);
-  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(box[i], candidates[i], 1e-6) << i;
-}
-
-// Every pixel whose ray has samples is kept, whatever the order of masks and hull; most of the others are
-// not.
-TEST(DropPixelsBesideHull, KeepsEveryPixelWhoseRayMeetsTheHull) {
-  const TempDir dir;
-  // With a focal length of 3 picture sizes the border cuts the ball.
-  for (const double focal : {1.25, 3.0}) {
-    const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96, .focal = focal});
-    const SpaceMap map = SpaceMap::FromScene(scene, false);
-    Workers workers(2);
-    OccupancyGrid grid(64, map);
-    Dataset dataset = LoadDataset(scene, 1);
-    CarveByMasks(scene, dataset, map, &workers, &grid);
-    grid.Rebuild();
-    DropPixelsBesideHull(scene, map, grid.resolution(), &workers, &dataset);
-    const std::vector<bool> used = dataset.UsedPixels();
-    const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
-    std::size_t n_met = 0, n_dropped = 0;
-    for (std::size_t pixel = 0; pixel < dataset.n_pixels(); ++pixel) {
-      const View& view = dataset.ViewOf(pixel);
-      const int in_view = static_cast<int>(pixel - view.first_pixel);
-      const Ray ray = view.camera.RayThrough(in_view % view.width, in_view / view.width);
-      float t, t_last;
-      sampler.Range(ray, &t, &t_last);
-      Samples samples;
-      const bool meets = t < t_last && sampler.March(ray, 1, t_last, 1, &t, &samples) > 0;
-      ASSERT_TRUE(!meets || used.empty() || used[pixel]) << pixel << " of " << view.name;
-      n_met += meets;
-      n_dropped += !used.empty() && !used[pixel];
-    }
-    EXPECT_GT(n_met, 1000u);
-    if (focal < 2) {
-      EXPECT_GT(n_dropped, dataset.n_pixels() / 4);
-    }
-  }
-}
-
-// Two views along +z and -z whose masks use the left half of what each sees, which is one half of the space.
-TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
-  const TempDir dir;
-  io::Mask left{20, 20, {}};
-  for (int i = 0; i < 400; ++i) left.used.push_back(i % 20 < 10 ? 255 : 0);
-  io::Mask right = left;
-  std::reverse(right.used.begin(), right.used.end());
-  io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
-  io::WriteMask(dir / "left.png", left);
-  io::WriteMask(dir / "right.png", right);
-  io::Scene scene = SceneOf({dir / "a.png", dir / "a.png"}, 20, 20);
-  scene.frames[0].world_from_cam.translation.z() = 4;
-  scene.frames[1].world_from_cam.translation.z() = -4;
-  scene.frames[1].world_from_cam.rotation.diagonal() << -1, 1, -1;  // its left is the first one's right
-  const SpaceMap map = {{0, 0, 0}, 1, false};
-  Workers workers(2);
-  const auto candidates = [&](const char* first, const char* second) {
-    scene.frames[0].mask_path = *first ? dir / first : std::filesystem::path();
-    scene.frames[1].mask_path = *second ? dir / second : std::filesystem::path();
-    OccupancyGrid grid(64, map);
-    CarveByFrusta(scene, LoadDataset(scene, 1), map, 0.1, &workers, &grid);
-    int n = 0;
-    for (const std::uint32_t cell : grid.Candidates()) {
-      EXPECT_LT(grid.CellCentre(cell)[0], *first ? 0.5f + 1.f / 64 : 1.f);  // the masks' edge, and a cell
-      ++n;
-    }
-    return n;
-  };
-  const int all = candidates("", "");
-  EXPECT_GT(all, 200000);
-  // Both use x < 0: half of the cells and the layer on the edge.
-  EXPECT_NEAR(candidates("left.png", "right.png"), all / 2, 64 * 64 + 1);
-  // One uses x < 0, the other x > 0: no more than the layers on the edge are seen twice.
-  EXPECT_LE(candidates("left.png", "left.png"), 2 * 64 * 64);
 }
 
 TEST(Monitor, JudgesUsedPixelsAlone) {

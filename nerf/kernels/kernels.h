@@ -47,27 +47,23 @@ struct AdamStep {
   float correction1 = 1, correction2 = 1;  // 1 / (1 - beta^step)
 };
 
+// features[i * row_stride + 0..3] = trilinear value of `table` (entries x kFeatures, of this level) at
+// positions x[i], y[i], z[i] in [0, 1]. Weights and sums are float.
+template <typename Table, typename Real>
+using EncodeFunction = void (*)(const GridLevel& level,
+                                const Table* table,
+                                const float* x,
+                                const float* y,
+                                const float* z,
+                                int n,
+                                Real* features,
+                                int row_stride);
+
 // What the networks and the grid compute, with activations as Real: float, or Bf16 with sums in float.
 template <typename Real>
 struct NetworkKernels {
-  // features[i * row_stride + 0..3] = trilinear value of `table` (entries x kFeatures, of this level) at
-  // positions x[i], y[i], z[i] in [0, 1]. Weights and sums are float.
-  void (*encode)(const GridLevel& level,
-                 const float* table,
-                 const float* x,
-                 const float* y,
-                 const float* z,
-                 int n,
-                 Real* features,
-                 int row_stride);
-  void (*encode_bf16)(const GridLevel& level,
-                      const Bf16* table,
-                      const float* x,
-                      const float* y,
-                      const float* z,
-                      int n,
-                      Real* features,
-                      int row_stride);
+  EncodeFunction<float, Real> encode;
+  EncodeFunction<Bf16, Real> encode_bf16;
 
   // table_gradient += d loss / d table for feature gradients [n][kFeatures]; the transpose of `encode`.
   void (*scatter)(const GridLevel& level,
