@@ -105,7 +105,8 @@ void WriteMatrix(const std::filesystem::path& path, const std::vector<Cell>& cel
   const std::string machine = BenchMachine(), commit = BenchCommit();
   std::string text =
       "machine,commit,case,title,seed,passed,folded,pictures,registered,rotation_median_deg,rotation_max_deg,"
-      "centre_rmse,centre_max,auc_0.5,auc_1,auc_3,auc_5,focal_error,points_behind,camera_model,wall_s,cpu_s,"
+      "centre_rmse,centre_max,auc_0.5,auc_1,auc_3,auc_5,focal_error,points_behind,doming,camera_model,wall_s,"
+      "cpu_s,"
       "refusal,failure\n";
   for (const Cell& cell : cells) {
     for (std::size_t i = 0; i < cell.results.size(); ++i) {
@@ -126,6 +127,7 @@ void WriteMatrix(const std::filesystem::path& path, const std::vector<Cell>& cel
       for (const double auc : r.error.auc) fields.push_back(CsvNumber(auc));
       for (const std::string& field : {CsvNumber(r.focal_error),
                                        std::to_string(r.points_behind),
+                                       CsvNumber(r.doming),
                                        r.camera_model,
                                        CsvNumber(r.wall_s),
                                        CsvNumber(r.cpu_s),

@@ -36,13 +36,14 @@ struct CameraChoice {
 // deviations. One that does not is tried together with the next: k1 and k2 of opposite signs show in both or
 // not at all. The principal point is freed when the error falls by as much, both coordinates are
 // determined to 5 px and one moves by more than 3 standard deviations. Of two steps that help, the one with
-// the smaller error is taken first: a wrong principal point can pose as distortion, and the reverse. A focal
-// length that is determined no better than 2 % is held, at the known value where there is one: the mapper may
-// have lost it. Each camera is decided for its own parameters; one with fewer than 200 observations keeps the
-// simplest model.
+// the smaller error is taken first: a wrong principal point can pose as distortion, and the reverse. A radial
+// term that turns a camera by more than 0.5 degrees needs no such fall, only its significance: over a plane
+// seen straight down, a ground bent into a bowl makes up for a missing k1. A focal length that is determined
+// no better than 2 % is held, at the known value where there is one: the mapper may have lost it. Each camera
+// is decided for its own parameters; one with fewer than 200 observations keeps the simplest model.
 //
 // Then every picture gets a focal length of its own, with the lens of its camera (FreeIntrinsics::lens_of),
-// when the held-out error falls by more than 5 % and these focal lengths lie more than 3 standard deviations
+// when the held-out error falls by more than 2 % and these focal lengths lie more than 3 standard deviations
 // (RMS) from the shared one: autofocus moves it by a few percent. The choice is then made anew, because a
 // common focal length can pose as distortion. A given camera model is used as it is, for all pictures.
 //

@@ -13,6 +13,8 @@ struct CameraStep {
   std::string name, parameters;  // of COLMAP's camera model; what is added to it
   FreeIntrinsics added;
   double min_fall;  // share by which the error of held-out observations must fall
+
+  std::string Title() const { return name.empty() ? parameters : name + " (" + parameters + ")"; }
 };
 
 // SIMPLE_RADIAL, RADIAL, OPENCV: each adds to the one before, the first to SIMPLE_PINHOLE.

@@ -222,6 +222,26 @@ void AddCameras(std::vector<HardCase>* table) {
       [](const std::string& id, const std::string& title, CaptureOptions options, double limit) {
         return HardCase{.id = id, .title = title, .options = std::move(options), .max_focal_error = limit};
       };
+  // Straight down, a camera that tilts and moves against it changes its picture little: by the half pixel
+  // the centres are uncertain by 0.2 % of the extent. What must not happen is a bent ground.
+  const auto drone = [](const std::string& id,
+                        const std::string& title,
+                        const io::Camera& camera,
+                        double max_rotation_deg,
+                        double max_doming) {
+    return HardCase{.id = id,
+                    .title = title,
+                    .options = {.trajectory = Trajectory::kNadirGrid,
+                                .structure = Structure::kPlane,
+                                .relief = 0.02,
+                                .pictures = 25,
+                                .points = 1000,
+                                .cameras = {camera},
+                                .noise_px = kNoisePx},
+                    .max_rotation_deg = max_rotation_deg,
+                    .max_centre = 5e-3,
+                    .max_doming = max_doming};
+  };
   table->insert(
       table->end(),
       {focal("S19", "tele lens, 5 degrees", With(Ring(14, 300), {Pinhole(11727)}), 0.05),
@@ -236,17 +256,9 @@ void AddCameras(std::vector<HardCase>* table) {
        focal("S23.4", "guessed at the double", Spiral(2, kNoisePx), 0.05),
        focal("S23.5", "focal length unknown", Spiral(0, kNoisePx), 0.05),
        focal("S25", "mixed cameras", With(Ring(24, 300), MixedCameras()), 0.01),
-       {"S26",
-        "drone over a plane",
-        {.trajectory = Trajectory::kNadirGrid,
-         .structure = Structure::kPlane,
-         .relief = 0.02,
-         .pictures = 25,
-         .points = 1000,
-         .noise_px = kNoisePx},
-        kModel,
-        0.1,
-        1e-3},
+       drone("S26.1", "drone over a plane", Pinhole(1280), 0.1, 1e-3),
+       // k1 is determined to 0.008; three times that turn cameras by 0.8 degrees and bend the ground by 1 %.
+       drone("S26.2", "drone over a plane, distortion unknown", RadialCamera(), 0.8, 0.01),
        {"S27.1", "offset 1e6, scale 1e-3", FarAway(1e-3), kModel},
        {"S27.2", "offset 1e6", FarAway(1), kModel},
        {"S27.3", "offset 1e6, scale 1e6", FarAway(1e6), kModel},

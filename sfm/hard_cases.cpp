@@ -7,6 +7,7 @@
 #include "io/error.h"
 #include "io/process.h"
 #include "io/resource_meter.h"
+#include "sfm/doming.h"
 #include "sfm/reconstruction.h"
 #include "sfm/synthetic_capture.h"
 
@@ -38,13 +39,44 @@ int PointsBehindCameras(const io::Scene& scene) {
       }));
 }
 
+// Of the points that the capture and the model share. The keypoints of a picture begin with the true points
+// that it sees, in their order.
+double DomingOf(const io::ColmapModel& model, const SyntheticCapture& capture) {
+  std::vector<std::vector<std::size_t>> seen(capture.pictures.size());
+  for (std::size_t p = 0; p < capture.truth.points.size(); ++p) {
+    for (const int frame : capture.truth.points[p].frame_indices)
+      seen[static_cast<std::size_t>(frame)].push_back(p);
+  }
+  std::map<std::string, std::size_t> picture;
+  for (std::size_t i = 0; i < capture.pictures.size(); ++i) picture[capture.pictures[i].name] = i;
+  std::vector<Eigen::Vector3d> estimated, truth;
+  int previous = -1;
+  for (const io::Observation& o : model.observations) {
+    if (o.point_index == previous) continue;
+    previous = o.point_index;
+    const io::Frame& frame = model.scene.frames[static_cast<std::size_t>(o.frame_index)];
+    const std::size_t i = picture.at(frame.image_path.string());
+    const auto squared_distance = [&](std::size_t k) {
+      const Keypoint& at = capture.features[i].keypoints[k];
+      return (o.xy - Eigen::Vector2d(at.x, at.y)).squaredNorm();
+    };
+    std::size_t nearest = 0;
+    for (std::size_t k = 1; k < seen[i].size(); ++k) {
+      if (squared_distance(k) < squared_distance(nearest)) nearest = k;
+    }
+    estimated.push_back(model.scene.points[static_cast<std::size_t>(o.point_index)].xyz);
+    truth.push_back(capture.truth.points[seen[i][nearest]].xyz);
+  }
+  return Doming(estimated, truth);
+}
+
 bool IsGoodModel(const HardCase& limits, const HardCaseResult& result) {
   return result.registered >= limits.min_registered_share * result.pictures &&
          result.error.rotation_max_deg <= limits.max_rotation_deg &&
          (std::isnan(result.error.centre_rmse) || result.error.centre_rmse <= limits.max_centre) &&
          (limits.max_focal_error == 0 || result.focal_error <= limits.max_focal_error) &&
          (limits.camera_model.empty() || result.camera_model == limits.camera_model) &&
-         result.points_behind == 0;
+         (limits.max_doming == 0 || result.doming <= limits.max_doming) && result.points_behind == 0;
 }
 
 void Reconstruct(const SyntheticCapture& capture,
@@ -62,6 +94,7 @@ void Reconstruct(const SyntheticCapture& capture,
     result->registered = static_cast<int>(scene.frames.size());
     result->error = ComparePoses(scene, capture.truth);
     result->focal_error = FocalError(scene, capture.truth);
+    result->doming = DomingOf(found.model, capture);
     result->points_behind = PointsBehindCameras(scene);
     result->camera_model = found.model.camera_model;
   } catch (const io::Error& error) {

@@ -26,12 +26,14 @@ struct HardCase {
   double min_registered_share = 1;  // of the pictures
   double max_focal_error = 0;       // relative, of the worst camera; 0: not judged
   std::string camera_model;         // the one to be chosen; empty: any
+  double max_doming = 0;            // see sfm/doming.h; 0: not judged
 };
 
 struct HardCaseResult {
   int pictures = 0, registered = 0;
   PoseError error;         // of the accepted model
   double focal_error = 0;  // relative, of the worst camera; distortion shifts what a focal length means
+  double doming = 0;       // of the points, see sfm/doming.h
   int points_behind = 0;   // points of the model behind a camera that observes them
   std::string camera_model;
   std::string refusal;           // the named cause; empty: a model was accepted
