@@ -31,17 +31,34 @@ void QueryDensities(const HashGrid& grid,
   }
 }
 
+// Colours of the wanted rows; `rows` keeps those alone.
 template <typename Real>
 void QueryColours(const HashNetwork<Real>& network,
                   std::span<const Ray> rays,
                   std::span<const int> ray_of,  // of the rows
-                  NetworkRows<Real>* rows) {
-  const auto ray_at = [&](int i) { return static_cast<std::size_t>(ray_of[static_cast<std::size_t>(i)]); };
+                  const std::uint8_t* wanted,
+                  NetworkRows<Real>* rows,
+                  float* rgb) {
+  int place[kQueryRows], n_wanted = 0;
+  for (int i = 0; i < rows->n; ++i) {
+    if (!wanted[i]) continue;
+    constexpr int kOut = HashNetwork<Real>::kOutputs;
+    std::copy_n(&rows->out[static_cast<std::size_t>(i * kOut)],
+                kOut,
+                &rows->out[static_cast<std::size_t>(n_wanted * kOut)]);
+    place[n_wanted++] = i;
+  }
+  rows->n = n_wanted;
+  const auto ray_at = [&](int i) {
+    return static_cast<std::size_t>(ray_of[static_cast<std::size_t>(place[i])]);
+  };
   for (int begin = 0, end; begin < rows->n; begin = end) {
     for (end = begin + 1; end < rows->n && ray_at(end) == ray_at(begin);) ++end;
     network.SetDirection(rays[ray_at(begin)].direction, begin, end, rows);
   }
   network.QueryColour(rows);
+  for (int i = 0; i < rows->n; ++i)
+    std::copy_n(&rows->rgb[3 * static_cast<std::size_t>(i)], 3, rgb + 3 * place[i]);
 }
 
 }  // namespace
@@ -73,13 +90,16 @@ void HashField::Query(const Samples& samples,
                       std::span<const Ray> rays,
                       std::span<const int> ray_of,
                       int /*pass*/,
+                      const ColourFilter& filter,
                       float* sigma,
                       float* rgb) const {
   const auto query = [&](const auto& network) {
     QueryDensities(grid_, network, samples, [&](int first, auto* rows) {
-      QueryColours(network, rays, ray_of.subspan(static_cast<std::size_t>(first)), rows);
       std::copy_n(rows->sigma.begin(), rows->n, sigma + first);
-      std::copy_n(rows->rgb.begin(), 3 * rows->n, rgb + 3 * static_cast<std::ptrdiff_t>(first));
+      std::uint8_t wanted[kQueryRows];
+      filter(first, rows->n, sigma + first, wanted);
+      const auto at = static_cast<std::size_t>(first);
+      QueryColours(network, rays, ray_of.subspan(at), wanted, rows, rgb + 3 * at);
     });
   };
   std::visit(query, network_);

@@ -36,6 +36,7 @@ class HashField : public RadianceField {
              std::span<const Ray> rays,
              std::span<const int> ray_of,
              int pass,
+             const ColourFilter& filter,
              float* sigma,
              float* rgb) const override;
 

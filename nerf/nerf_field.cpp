@@ -153,6 +153,7 @@ void NerfField::Query(const Samples& samples,
                       std::span<const Ray> rays,
                       std::span<const int> ray_of,
                       int pass,
+                      const ColourFilter& filter,
                       float* sigma,
                       float* rgb) const {
   thread_local NerfRows rows;
@@ -175,6 +176,8 @@ void NerfField::Query(const Samples& samples,
   }
   for (int i = 0; i < n; ++i) sigma[i] = Density(options_.density, sigma[i]);
   for (int i = 0; i < 3 * n; ++i) rgb[i] = Sigmoid(rgb[i]);
+  std::vector<std::uint8_t> wanted(static_cast<std::size_t>(n));  // all are there
+  filter(0, n, sigma, wanted.data());
 }
 
 void NerfField::Step(double learning_rate, std::uint64_t step, float* gradients) {

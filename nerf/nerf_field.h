@@ -54,6 +54,7 @@ class NerfField : public RadianceField {
              std::span<const Ray> rays,
              std::span<const int> ray_of,
              int pass,
+             const ColourFilter& filter,
              float* sigma,
              float* rgb) const override;
 

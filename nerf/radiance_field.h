@@ -2,6 +2,8 @@
 // answer.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
@@ -17,6 +19,10 @@ struct Tensor {
   std::string name;
   std::vector<float>* values;
 };
+
+// Which colours are wanted: receives the densities of samples [first, first + n), each sample once and in
+// order, and sets wanted [n].
+using ColourFilter = std::function<void(int first, int n, const float* sigma, std::uint8_t* wanted)>;
 
 // Values of a field's options by name; what a checkpoint needs to make the field again.
 using FieldConfig = std::map<std::string, double>;
@@ -40,12 +46,13 @@ class RadianceField {
 
   // Densities sigma [n] per scene unit at all samples. Safe to call from several threads, as is Query.
   virtual void QueryDensity(const Samples& samples, float* sigma) const = 0;
-  // Densities and colours rgb [n][3] in [0, 1]; sample i lies on rays[ray_of[i]]. pass: 0, or 1 for the
-  // second of two networks (QuadratureOptions::n_importance).
+  // Densities and colours rgb [n][3] in [0, 1], arbitrary where not wanted; sample i lies on rays[ray_of[i]].
+  // pass: 0, or 1 for the second of two networks (QuadratureOptions::n_importance).
   virtual void Query(const Samples& samples,
                      std::span<const Ray> rays,
                      std::span<const int> ray_of,
                      int pass,
+                     const ColourFilter& filter,
                      float* sigma,
                      float* rgb) const = 0;
 };

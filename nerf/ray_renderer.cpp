@@ -9,39 +9,82 @@ namespace nerf {
 namespace {
 
 constexpr int kRaysPerTask = 512, kStratifiedRays = 64;
-// Samples a ray may contribute to one wave: surfaces are crossed in 5 to 20 samples.
-constexpr int kWaveSamples = 8;
+// Samples a ray may contribute to one wave: what is queried in vain behind a surface is at most one wave.
+constexpr int kWaveSamples = 4;
+// Samples with less weight get no colour of their own: their weight goes to the others of their ray.
+constexpr float kMinColourWeight = 1e-3f;
+
 struct RayState {
   int index;
   float t, t_last, optical_depth = 0;
-  int first = 0, count = 0;  // samples in the current wave
+  float coloured = 0;  // sum of the weights that have a colour
+  int count = 0;       // samples in the current wave
 };
 
 struct Scratch {
   Samples samples;
   std::vector<int> ray_of;
-  std::vector<float> sigma, rgb;
+  std::vector<float> sigma, rgb, weights;
+  std::vector<std::uint8_t> wanted;
   std::vector<RayState> active;
   std::vector<float> t, delta;
+
+  void Resize() {
+    const auto n = static_cast<std::size_t>(samples.size());
+    sigma.resize(n), rgb.resize(3 * n), weights.resize(n), wanted.resize(n);
+  }
 };
 
-void Shade(const SceneField& scene_field, std::span<const Ray> rays, int pass, Scratch* scratch) {
-  const auto n = static_cast<std::size_t>(scratch->samples.size());
-  scratch->sigma.resize(n);
-  scratch->rgb.resize(3 * n);
-  scene_field.field->Query(
-      scratch->samples, rays, scratch->ray_of, pass, scratch->sigma.data(), scratch->rgb.data());
+// Weight of a sample of optical depth tau; the ray goes on behind it.
+float Absorb(float tau, float t, float* optical_depth, RenderedRay* ray) {
+  const float weight = ray->transmittance * -std::expm1(-tau);
+  ray->depth += weight * t;
+  *optical_depth += tau;
+  ray->transmittance = std::exp(-*optical_depth);
+  return weight;
 }
 
-// Adds samples [first, first + count) of the scratch to a ray.
-void Composite(const Scratch& scratch, int first, int count, float* optical_depth, RenderedRay* ray) {
-  for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(first + count); ++i) {
-    const float tau = scratch.sigma[i] * scratch.samples.delta[i];
-    const float weight = ray->transmittance * -std::expm1(-tau);
-    for (std::size_t j = 0; j < 3; ++j) ray->rgb[j] += weight * scratch.rgb[3 * i + j];
-    ray->depth += weight * scratch.samples.t[i];
-    *optical_depth += tau;
-    ray->transmittance = std::exp(-*optical_depth);
+void AddColour(float weight, const float* rgb, RenderedRay* ray) {
+  for (int j = 0; j < 3; ++j) ray->rgb[j] += weight * rgb[j];
+}
+
+// Marches up to kWaveSamples further samples of every active ray.
+void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_scale, Scratch* scratch) {
+  scratch->samples.clear();
+  scratch->ray_of.clear();
+  for (RayState& state : scratch->active) {
+    state.count = sampler.March(rays[static_cast<std::size_t>(state.index)],
+                                step_scale,
+                                state.t_last,
+                                kWaveSamples,
+                                &state.t,
+                                &scratch->samples);
+    scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), state.index);
+  }
+  scratch->Resize();
+}
+
+// Weights of the wave's samples, and colours of those whose weight counts.
+void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch* scratch, RenderedRay* out) {
+  std::size_t active = 0;
+  int left = scratch->active.empty() ? 0 : scratch->active[0].count;
+  const auto filter = [&](int first, int n, const float* sigma, std::uint8_t* wanted) {
+    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(first + n); ++i, --left) {
+      while (left == 0) left = scratch->active[++active].count;
+      RayState& state = scratch->active[active];
+      const float tau = *sigma++ * scratch->samples.delta[i];
+      const float weight = Absorb(tau, scratch->samples.t[i], &state.optical_depth, &out[state.index]);
+      scratch->weights[i] = weight;
+      // Written so that a NaN is shown.
+      const bool counts = !(weight < kMinColourWeight);
+      *wanted++ = scratch->wanted[i] = counts;
+      if (counts) state.coloured += weight;
+    }
+  };
+  scene_field.field->Query(
+      scratch->samples, rays, scratch->ray_of, 0, filter, scratch->sigma.data(), scratch->rgb.data());
+  for (std::size_t i = 0; i < scratch->weights.size(); ++i) {
+    if (scratch->wanted[i]) AddColour(scratch->weights[i], &scratch->rgb[3 * i], &out[scratch->ray_of[i]]);
   }
 }
 
@@ -59,29 +102,19 @@ void RenderPruned(const SceneField& scene_field,
     scratch->active.push_back(state);
   }
   while (!scratch->active.empty()) {
-    scratch->samples.clear();
-    scratch->ray_of.clear();
-    for (RayState& state : scratch->active) {
-      state.first = scratch->samples.size();
-      state.count = sampler.March(rays[static_cast<std::size_t>(state.index)],
-                                  step_scale,
-                                  state.t_last,
-                                  kWaveSamples,
-                                  &state.t,
-                                  &scratch->samples);
-      scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), state.index);
-    }
-    Shade(scene_field, rays, 0, scratch);
+    MarchWave(sampler, rays, step_scale, scratch);
+    ShadeWave(scene_field, rays, scratch, out);
     std::size_t kept = 0;
     for (RayState state : scratch->active) {
       RenderedRay& ray = out[state.index];
-      Composite(*scratch, state.first, state.count, &state.optical_depth, &ray);
       const bool left = state.count < kWaveSamples, opaque = ray.transmittance < kEarlyStopTransmittance;
-      if (left || opaque) {
-        ray.depth += ray.transmittance * std::max(state.t_last, 0.f);
-      } else {
+      if (!left && !opaque) {
         scratch->active[kept++] = state;
+        continue;
       }
+      ray.depth += ray.transmittance * std::max(state.t_last, 0.f);
+      const float share = state.coloured > 0 ? (1 - ray.transmittance) / state.coloured : 1;
+      for (float& c : ray.rgb) c *= share;
     }
     scratch->active.resize(kept);
   }
@@ -109,26 +142,25 @@ void RenderStratified(const SceneField& scene_field,
       sampler.Place(rays[static_cast<std::size_t>(r)], distances, scratch->delta, &scratch->samples);
       scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), r);
     }
-    Shade(scene_field, rays, pass, scratch);
-    int first = 0;
+    scratch->Resize();
+    const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
+    scene_field.field->Query(
+        scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
+    std::size_t first = 0;
     for (int r = 0; r < n_rays; ++r) {
-      const int count = static_cast<int>(t[static_cast<std::size_t>(r)].size());
+      std::vector<float> weights;
       float optical_depth = 0;
       out[r] = {{0, 0, 0}, 1, 0};
+      for (const std::size_t last = first + t[static_cast<std::size_t>(r)].size(); first < last; ++first) {
+        const float tau = scratch->sigma[first] * scratch->samples.delta[first];
+        weights.push_back(Absorb(tau, scratch->samples.t[first], &optical_depth, &out[r]));
+        AddColour(weights.back(), &scratch->rgb[3 * first], &out[r]);
+      }
+      out[r].depth += out[r].transmittance * far;
       if (pass + 1 < n_passes) {
-        std::vector<float> weights;
-        for (int i = first; i < first + count; ++i) {
-          const float before = out[r].transmittance;
-          Composite(*scratch, i, 1, &optical_depth, &out[r]);
-          weights.push_back(before - out[r].transmittance);
-        }
         AddImportanceSamples(
             near, far, weights, quadrature.n_importance, nullptr, &t[static_cast<std::size_t>(r)]);
-      } else {
-        Composite(*scratch, first, count, &optical_depth, &out[r]);
-        out[r].depth += out[r].transmittance * far;
       }
-      first += count;
     }
   }
 }
