@@ -16,7 +16,7 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP2";
+constexpr char kMagic[] = "NERFCKP3";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
 constexpr std::size_t kMaxFile = std::size_t{8} << 30;
@@ -117,6 +117,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
   header["grid_resolution"] = scene_field->grid.resolution();
   header["state"] = {{"seed", state.seed},
                      {"step", state.step},
+                     {"budget_s", state.budget_s},
                      {"elapsed_s", state.elapsed_s},
                      {"n_rays", state.n_rays},
                      {"learning_rate_scale", state.learning_rate_scale},
@@ -161,6 +162,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   const int grid_resolution = Get(path, header, "grid_resolution", 64, 512);
   state->seed = Get<std::uint64_t>(path, t, "seed", 0, ~0ull);
   state->step = Get<std::uint64_t>(path, t, "step", 0, ~0ull);
+  state->budget_s = Get(path, t, "budget_s", 0.0, 1e12);
   state->elapsed_s = Get(path, t, "elapsed_s", 0.0, 1e12);
   state->n_rays = Get(path, t, "n_rays", 1, 1 << 24);
   state->learning_rate_scale = Get(path, t, "learning_rate_scale", 0.0, 1.0);

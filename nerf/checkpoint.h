@@ -1,6 +1,6 @@
 // The state of a training run in one file: field, Adam moments, occupancy, schedule. Our own format, without
 // code:
-//   8 bytes magic "NERFCKP2", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
+//   8 bytes magic "NERFCKP3", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
 //   tensors (float32, and bytes for the occupancy grid's distances).
 // The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
 // length field.
@@ -17,6 +17,7 @@ namespace nerf {
 struct TrainState {
   std::uint64_t seed = 1;
   std::uint64_t step = 0;          // finished steps
+  double budget_s = 0;             // TrainOptions::time_s when training began
   double elapsed_s = 0;            // training time used, monitoring excluded
   int n_rays = 2048;               // size of the next batch
   double learning_rate_scale = 1;  // halved after each non-finite step

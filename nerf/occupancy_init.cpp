@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "io/check.h"
 
@@ -114,7 +115,7 @@ void CellPointsOf(const OccupancyGrid& grid, const SpaceMap& map, std::uint32_t 
 
 // Carves the visual hull from blocks to cells: a block that some view sees wholly on transparent pixels is
 // empty as one, a block that all views see on opaque pixels full as one, and only the others are looked at in
-// finer parts.
+// finer parts, and there by those views alone that saw both kinds of pixels.
 class HullCarver {
  public:
   HullCarver(const std::vector<Projector>& projectors,
@@ -124,9 +125,13 @@ class HullCarver {
       : projectors_(projectors), counts_(counts), map_(map), grid_(grid) {}
 
   // Marks the cells of the block with the given first cell and side, and widens the box around the
-  // candidates.
-  void Carve(const std::array<int, 3>& first, int side, std::array<float, 6>* box) const {
-    const Coverage coverage = CoverageOf(first, side);
+  // candidates. views: those that do not see all of it on opaque pixels.
+  void Carve(const std::array<int, 3>& first,
+             int side,
+             const std::vector<std::size_t>& views,
+             std::array<float, 6>* box) const {
+    std::vector<std::size_t> undecided;
+    const Coverage coverage = CoverageOf(first, side, views, &undecided);
     if (coverage == Coverage::kNone || coverage == Coverage::kAll || side == 1) {
       const bool empty = coverage == Coverage::kNone;
       for (int z = first[2]; z < first[2] + side; ++z) {
@@ -148,6 +153,7 @@ class HullCarver {
                first[1] + (child >> 1 & 1) * half,
                first[2] + (child >> 2) * half},
               half,
+              undecided,
               box);
       }
     }
@@ -160,8 +166,12 @@ class HullCarver {
   }
 
   // kNone when some view sees the ball around the block inside the picture and on transparent pixels only,
-  // kAll when every view sees it inside the picture and on opaque pixels only.
-  Coverage CoverageOf(const std::array<int, 3>& first, int side) const {
+  // kAll when every view sees it inside the picture and on opaque pixels only; else the views that do not are
+  // undecided.
+  Coverage CoverageOf(const std::array<int, 3>& first,
+                      int side,
+                      const std::vector<std::size_t>& views,
+                      std::vector<std::size_t>* undecided) const {
     const float cell_size = 1.f / static_cast<float>(grid_->resolution());
     float unit[3];
     Eigen::Vector3f centre;
@@ -169,8 +179,7 @@ class HullCarver {
       unit[i] = (static_cast<float>(first[i]) + 0.5f * static_cast<float>(side)) * cell_size;
     map_.FromUnit(unit, centre.data());
     const float radius = 0.5f * std::sqrt(3.f) * static_cast<float>(side) * cell_size * map_.InnerSide();
-    Coverage result = Coverage::kAll;
-    for (std::size_t v = 0; v < projectors_.size(); ++v) {
+    for (const std::size_t v : views) {
       Eigen::Vector2f at;
       float depth, radius_px;
       Coverage seen = Coverage::kSome;
@@ -179,9 +188,9 @@ class HullCarver {
         seen = counts_[v]->In(at, radius_px);
       }
       if (seen == Coverage::kNone) return seen;
-      if (seen == Coverage::kSome) result = seen;
+      if (seen == Coverage::kSome) undecided->push_back(v);
     }
-    return result;
+    return undecided->empty() ? Coverage::kAll : Coverage::kSome;
   }
 
   const std::vector<Projector>& projectors_;
@@ -210,11 +219,14 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
   const HullCarver carver(projectors, counts, map, grid);
   constexpr int kBlock = 16;  // side of the first blocks; the resolution is a multiple of 64
   const int per_axis = grid->resolution() / kBlock;
+  std::vector<std::size_t> all(n_views);
+  std::iota(all.begin(), all.end(), std::size_t{0});
   std::vector<std::array<float, 6>> boxes(static_cast<std::size_t>(per_axis * per_axis * per_axis),
                                           {1, 1, 1, 0, 0, 0});
   workers->Run(static_cast<int>(boxes.size()), [&](int i, int) {
     carver.Carve({i % per_axis * kBlock, i / per_axis % per_axis * kBlock, i / per_axis / per_axis * kBlock},
                  kBlock,
+                 all,
                  &boxes[static_cast<std::size_t>(i)]);
   });
   std::array<float, 6> box = {1, 1, 1, 0, 0, 0};

@@ -24,9 +24,10 @@ constexpr double kLossDecay = 0.98;           // running mean of the squared err
 constexpr std::uint64_t kCollapseStep = 500;  // by then a living field is far above a constant picture
 constexpr double kCollapseMarginDb = 0.1, kCollapseOpacity = 1e-3;
 constexpr int kMaxSkippedSteps = 3;
-constexpr double kMonitorGrowth = 1.5;  // monitoring moments grow geometrically ...
-constexpr double kFirstMonitorS = 1.0;  // ... from one second of training on
-constexpr double kMonitorShare = 0.2;   // and take at most this share of the training time
+constexpr double kMonitorGrowth = 1.5;        // monitoring moments grow geometrically ...
+constexpr double kTargetMonitorGrowth = 1.1;  // (where they decide when to stop)
+constexpr double kFirstMonitorS = 1.0;        // ... from one second of training on
+constexpr double kMonitorShare = 0.2;         // and take at most this share of the training time
 
 double Seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
 
@@ -70,7 +71,7 @@ class Trainer {
   // Training time counts from here on, the reading of the pictures included.
   const Clock::time_point start_ = Clock::now();
   const io::Scene &scene_, &heldout_;
-  const TrainOptions options_;
+  TrainOptions options_;
   const std::filesystem::path folder_;
   Workers workers_;
   Dataset dataset_;
@@ -112,10 +113,12 @@ void Trainer::Begin() {
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   if (std::filesystem::exists(checkpoint)) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);
+    if (options_.target_psnr > 0) options_.time_s = state_.budget_s;
     report_.events.push_back("resumed at step " + std::to_string(state_.step));
     MakeTraining();
   } else {
     state_.seed = options_.seed;
+    state_.budget_s = options_.time_s;
     state_.channels = dataset_.channels;
     MakeField();
   }
@@ -165,6 +168,7 @@ void Trainer::Restart() {
   fresh.seed = state_.seed + 1;
   fresh.restarts = state_.restarts + 1;
   fresh.channels = state_.channels;
+  fresh.budget_s = state_.budget_s;
   state_ = fresh;
   MakeField();
 }
@@ -205,7 +209,10 @@ TrainReport Trainer::Run() {
   double last_rate_s = elapsed();
   std::uint64_t last_rate_rays = 0;
   double rays_per_s = 0;
-  for (double now = elapsed(); Progress(now) < 1.0; now = elapsed()) {
+  const auto reached = [&] {
+    return options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
+  };
+  for (double now = elapsed(); Progress(now) < 1.0 && !reached(); now = elapsed()) {
     Step(Progress(now));
     if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
     if (io::PendingInterrupt()) {
@@ -217,7 +224,8 @@ TrainReport Trainer::Run() {
       const double before_s = excluded_s;
       excluding([&] { Monitor(now); });
       const double cost_s = excluded_s - before_s;
-      next_monitor_s = std::max({now * kMonitorGrowth, next_monitor_s, now + cost_s / kMonitorShare});
+      const double growth = options_.target_psnr > 0 ? kTargetMonitorGrowth : kMonitorGrowth;
+      next_monitor_s = std::max({now * growth, next_monitor_s, now + cost_s / kMonitorShare});
     }
     if (now >= next_save_s) {
       excluding([&] { Save(now); });
@@ -238,6 +246,7 @@ TrainReport Trainer::Run() {
       bar.Update(Progress(now), note);
     }
   }
+  report_.budget_s = options_.time_s;
   report_.train_s = elapsed();
   Monitor(report_.train_s);
   Save(report_.train_s);

@@ -30,7 +30,8 @@ struct NerfTrainOptions {
 };
 
 struct TrainOptions {
-  double time_s = 180;  // training budget in seconds; schedules follow the share of it that is used
+  double time_s = 180;     // training budget in seconds; schedules follow the share of it that is used
+  double target_psnr = 0;  // > 0: training ends as soon as the monitored held-out views reach it [dB]
   int steps = 0;  // > 0: this many steps instead; the result then depends on nothing but seed and inputs
   std::uint64_t seed = 1;
   int threads = 1;
@@ -54,7 +55,8 @@ TrainOptions ReportTrainOptions();
 struct TrainReport {
   std::uint64_t steps = 0;
   std::size_t parameters = 0;
-  double train_s = 0;  // without monitoring and checkpoints
+  double budget_s = 0;  // that the schedule was made for; with target_psnr that of the resumed run
+  double train_s = 0;   // without monitoring and checkpoints
   double samples_per_s = 0, rays_per_s = 0, samples_per_ray = 0;
   double heldout_psnr = 0;  // last monitored value; NaN without held-out pictures
   double occupied_share = 0;

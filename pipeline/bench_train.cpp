@@ -150,6 +150,7 @@ void Resolve(const Options& options,
   Require(bench->image_size >= 0, "--image-size: must be 0 (keep) or a number of pixels", "");
   Require(bench->every >= 1, "--every: must be positive", "");
   Require(!options.IsSetByUser("time"), "--time: several budgets are measured", "Give --times");
+  Require(!options.IsSetByUser("target"), "--target: several budgets are measured", "Give --times");
   Require(!options.IsSetByUser("seed"), "--seed: several seeds are measured", "Give --seeds");
   Require(!options.IsSetByUser("steps"), "--steps: budgets are times here", "Give --times");
   ResolvedTrainOptions(options, flags);

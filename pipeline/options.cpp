@@ -293,6 +293,19 @@ double ParseDuration(const std::string& option_name, const std::string& text) {
   return number * unit_s;
 }
 
+double ParseDecibels(const std::string& option_name, const std::string& text) {
+  double number = 0;
+  const char* const last = text.data() + text.size();
+  const auto [end, error] = std::from_chars(text.data(), last, number);
+  const std::string unit(end, last);
+  if (error != std::errc() || (!unit.empty() && unit != "dB") || !(number > 0 && number < 100)) {
+    throw Error(ExitCode::kUsage,
+                "--" + option_name + ": '" + text + "' is not a number of decibels",
+                "Write for example 30dB");
+  }
+  return number;
+}
+
 std::string NearestName(const std::string& name, const std::vector<std::string>& candidates) {
   const auto nearest =
       std::min_element(candidates.begin(), candidates.end(), [&](const auto& a, const auto& b) {

@@ -62,6 +62,9 @@ class Options {
 // Seconds from "90", "90s", "1.5m" or "2h". Throws kUsage naming the option.
 double ParseDuration(const std::string& option_name, const std::string& text);
 
+// Decibels from "30" or "30dB". Throws kUsage naming the option.
+double ParseDecibels(const std::string& option_name, const std::string& text);
+
 // The candidate with the smallest edit distance to `name`; empty when there is none.
 std::string NearestName(const std::string& name, const std::vector<std::string>& candidates);
 

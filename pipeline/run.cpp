@@ -36,7 +36,7 @@ struct RunOptions {
   int frames_out = 0;
   double fps = 0;
   std::uint64_t seed = 0;
-  std::string frames, time, field, preset;
+  std::string frames, time, target, field, preset;
   bool depth = false;
 };
 
@@ -56,6 +56,7 @@ constexpr Forward kForwards[] = {
     {"field", "train", "field"},
     {"preset", "train", "preset"},
     {"time", "train", "time"},
+    {"target", "train", "target"},
     {"steps", "train", "steps"},
     {"seed", "train", "seed"},
     {"frames-out", "render", "frames"},
@@ -70,6 +71,7 @@ void AddRunOptions(Options* options, RunOptions* run) {
       "INPUT", &run->input, "folder of pictures, quoted glob, video, transforms.json or COLMAP model", true);
   options->Add("out", &run->common.out, "run folder; default: <INPUT>.run", false);
   options->Add("time", &run->time, "training budget, such as 90s, 5m or 1h (train)");
+  options->Add("target", &run->target, "train until held-out views reach this PSNR, as 30dB (train)");
   options->Add("field", &run->field, "radiance field: hash or nerf (train)");
   options->Add("preset", &run->preset, "report: the original NeRF as the report trained it (train)");
   options->Add("masks", &run->masks, "folder of masks of the photos; white is used (ingest)");
@@ -224,6 +226,7 @@ int RunAll(int argc, const char* const* argv) {
     if (!options.Parse(argc, argv)) return;
     if (!run.masks.empty()) run.masks = fs::absolute(run.masks);       // commands are repeated from anywhere
     if (options.IsSetByUser("time")) ParseDuration("time", run.time);  // now, not after half an hour
+    if (options.IsSetByUser("target")) ParseDecibels("target", run.target);
     stage_exit_code = RunChain(run, ExamineInput(run.input), options);
   });
   return exit_code != 0 ? exit_code : stage_exit_code;

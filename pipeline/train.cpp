@@ -4,6 +4,7 @@
 
 #include "io/error.h"
 #include "io/transforms.h"
+#include "nerf/target_training.h"
 #include "pipeline/stage.h"
 #include "pipeline/stages.h"
 #include "pipeline/torch_program.h"
@@ -34,7 +35,8 @@ void TrainStage(int argc, const char* const* argv) {
   const io::Scene heldout =
       std::filesystem::exists(heldout_path) ? io::ReadTransforms(heldout_path).scene : io::Scene{};
 
-  const nerf::TrainReport report = nerf::Train(scene, heldout, train, run.folder());
+  const auto train_field = train.target_psnr > 0 ? nerf::TrainToTarget : nerf::Train;
+  const nerf::TrainReport report = train_field(scene, heldout, train, run.folder());
   if (!report.derivation.empty()) run.Decide(report.derivation);
   for (const std::string& event : report.events) run.Decide(event);
   char line[200];

@@ -12,6 +12,8 @@ using io::ExitCode;
 // Limits beyond which a value can only be a slip.
 constexpr int kMaxSamples = 1 << 14, kMaxRays = 1 << 20, kMaxFrequencies = 20, kMaxBatch = 1 << 22;
 
+constexpr double kTargetCeiling_s = 3600;
+
 [[noreturn]] void Unknown(const std::string& option, const std::string& value, const std::string& known) {
   throw Error(ExitCode::kUsage, "--" + option + ": '" + value + "' is unknown", "Known: " + known);
 }
@@ -84,6 +86,11 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
                &flags->preset,
                "report: every value as in the report on the original NeRF; implies --field nerf");
   options->Add("time", &flags->time, "training budget: 30s, 3m, 1h; learning rate and sampling follow it");
+  options->Add(
+      "target",
+      &flags->target,
+      "hash: train until held-out views reach this PSNR, as 30dB; --time is then the ceiling, one hour "
+      "if not given");
   options->Add("steps", &train.steps, "train for exactly this many steps instead of --time; 0 = by time");
   options->Add("seed", &train.seed, "random seed; with --steps the same seed gives the same bytes");
   options->Add("batch", &flags->batch, "samples per step; 0 = the field's own");
@@ -158,6 +165,12 @@ nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags
     Unknown("field", train.field.field, "hash, nerf");
   train.time_s = ParseDuration("time", flags.time);
   if (options.IsSetByUser("time") && !options.IsSetByUser("steps")) train.steps = 0;
+  if (!flags.target.empty()) {
+    train.target_psnr = ParseDecibels("target", flags.target);
+    Require(train.field.field == "hash", "--target: needs --field hash");
+    Require(train.steps == 0, "--target: does not go with --steps");
+    if (!options.IsSetByUser("time")) train.time_s = kTargetCeiling_s;
+  }
   if (flags.batch != 0) train.samples_per_step = train.nerf.samples_per_step = flags.batch;
   nerf::NerfFieldOptions& nerf = train.field.nerf;
   const bool cube = Choose("encoding-space", flags.encoding_space, "cube", "scene");

@@ -10,7 +10,7 @@ namespace pipeline {
 
 struct TrainFlags {
   nerf::TrainOptions train;
-  std::string preset, time = "3m";
+  std::string preset, time = "3m", target;
   int batch = 0;
   // Text of what has names.
   std::string density = "softplus", initialisation = "xavier", encoding_space = "cube", precision = "auto";
