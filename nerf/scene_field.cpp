@@ -12,7 +12,6 @@ namespace {
 // Sampling interval, in pixel footprints. Unbounded scenes are crossed along much longer paths, mostly
 // through thin leftovers; longer intervals buy more rays.
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
-constexpr double kFinestCellPixels = 0.67;
 constexpr int kLog2HashmapSize = 17;
 constexpr int kReportSamples = 192;
 constexpr int kGridResolution = 128;
@@ -137,7 +136,7 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
     HashGridOptions& hash = hash_options.grid;
     hash.bf16 = options.bf16_table;
     hash.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
-    const double cells = map.InnerSide() / (kFinestCellPixels * footprint);
+    const double cells = map.InnerSide() / (options.finest_cell_pixels * footprint);
     hash.finest_resolution = options.finest_resolution ? options.finest_resolution
                                                        : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
     size = std::to_string(hash.n_levels) + " levels, " + std::to_string(hash.base_resolution) + " to " +

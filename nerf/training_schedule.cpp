@@ -18,18 +18,19 @@ double TrainingSchedule::StepScale(double progress) const {
 
 std::string TrainingSchedule::Text() const {
   char text[200];
-  std::snprintf(
-      text,
-      sizeof text,
-      "tables of 2^%d entries; rate %g for %.0f %% of the run, then falling to %g; intervals %g times "
-      "as long at first, %g after %.0f %%",
-      log2_hashmap_size,
-      learning_rate,
-      100 * hold,
-      learning_rate * last_rate,
-      first_step_scale,
-      last_step_scale,
-      100 * step_scale_share);
+  std::snprintf(text,
+                sizeof text,
+                "tables of 2^%d entries, finest cells of %g pixels; rate %g for %.0f %% of the run, then "
+                "falling to %g; intervals %g times "
+                "as long at first, %g after %.0f %%",
+                log2_hashmap_size,
+                finest_cell_pixels,
+                learning_rate,
+                100 * hold,
+                learning_rate * last_rate,
+                first_step_scale,
+                last_step_scale,
+                100 * step_scale_share);
   return text;
 }
 
@@ -37,6 +38,7 @@ TrainingSchedule ScheduleFor(double n_samples) {
   TrainingSchedule schedule;
   if (n_samples < 30e6) {
     schedule = {.log2_hashmap_size = n_samples < 8e6 ? 15 : 16,
+                .finest_cell_pixels = 2,
                 .learning_rate = 2e-2,
                 .hold = 0.8,
                 .last_rate = 0.1,
