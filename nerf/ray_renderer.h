@@ -10,7 +10,9 @@
 namespace nerf {
 
 struct RenderedRay {
-  float rgb[3];         // sum of weights times colour, background not included
+  // Sum of weights times colour, background not included. Samples that follow the occupancy grid and weigh
+  // less than 1e-3 count with the mean colour of the others on their ray.
+  float rgb[3];
   float transmittance;  // share of the background that shows
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
 };

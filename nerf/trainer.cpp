@@ -236,14 +236,11 @@ TrainReport Trainer::Run() {
       rays_per_s = static_cast<double>(n_rays_ - last_rate_rays) / (now - last_rate_s);
       last_rate_s = now;
       last_rate_rays = n_rays_;
-      char note[120];
+      char heldout[40] = "", note[120];
+      if (report_.heldout_psnr > 0)
+        std::snprintf(heldout, sizeof heldout, "held-out %.2f dB  ", report_.heldout_psnr);
       const double train_db = -10 * std::log10(std::max(state_.squared_error, 1e-12));
-      std::snprintf(note,
-                    sizeof note,
-                    "train %.2f dB  held-out %.2f dB  %.0f k rays/s",
-                    train_db,
-                    report_.heldout_psnr,
-                    rays_per_s / 1e3);
+      std::snprintf(note, sizeof note, "train %.2f dB  %s%.0f k rays/s", train_db, heldout, rays_per_s / 1e3);
       bar.Update(Progress(now), note);
     }
   }
