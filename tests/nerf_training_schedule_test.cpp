@@ -27,11 +27,15 @@ TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
 
 TEST(TrainingSchedule, CapacityGrowsWithTheBudget) {
   int before = 0;
+  double cell_before = 10;
   for (const double n_samples : {1e6, 2e7, 1e8, 1e9}) {
-    const int size = ScheduleFor(n_samples).log2_hashmap_size;
-    EXPECT_GT(size, before);
-    before = size;
+    const TrainingSchedule schedule = ScheduleFor(n_samples);
+    EXPECT_GT(schedule.log2_hashmap_size, before);
+    EXPECT_LE(schedule.finest_cell_pixels, cell_before);
+    before = schedule.log2_hashmap_size;
+    cell_before = schedule.finest_cell_pixels;
   }
+  EXPECT_LT(cell_before, ScheduleFor(1e6).finest_cell_pixels);
 }
 
 TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
@@ -47,8 +51,10 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   options.field.log2_hashmap_size = 12;
   options.learning_rate = 0.125;
   EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 12);
-  EXPECT_NE(ScheduleOf(options).Text().find("tables of 2^12 entries; rate 0.125 for 60 %"),
-            std::string::npos);
+  const std::string text = ScheduleOf(options).Text();
+  EXPECT_NE(text.find("tables of 2^12 entries, finest cells of 0.9 pixels; rate 0.125 for 60 %"),
+            std::string::npos)
+      << text;
 }
 
 }  // namespace
