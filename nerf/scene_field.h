@@ -46,8 +46,8 @@ struct SceneFieldOptions {
 // Sizes the field by what the scene needs (the derivation is returned as one line of text):
 //   pixel footprint p = distance to the centre of the region of interest / focal length (median over views)
 //   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
-//   finest grid cells of 0.9 p, coarsest 16 per axis, tables of 2^17 entries per level, unless the budget says
-//   otherwise (training_schedule.h)
+//   finest grid cells of 0.9 p, coarsest 16 per axis, tables of 2^17 entries per level, unless the budget
+//   says otherwise (training_schedule.h)
 // Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around a
 // cube of one to two times scene.aabb that holds 90 % of the sparse points. `nerf` has the report's
 // intervals, (far - near) / 192, in bounded scenes, and with a fixed number of samples per ray those between

@@ -43,9 +43,11 @@ TrainReport TrainToTarget(const io::Scene& scene,
   std::vector<Attempt> attempts;
   std::vector<std::string> events;
   double spent_s = 0;
+  std::uint64_t steps = 0;
   for (;;) {
     TrainReport report = Train(scene, heldout, attempt, folder);
     spent_s += report.train_s;
+    steps += report.steps;
     events.insert(events.end(), report.events.begin(), report.events.end());
     attempts.push_back({report.budget_s, report.heldout_psnr});
     const bool reached = report.heldout_psnr >= options.target_psnr;
@@ -61,6 +63,7 @@ TrainReport TrainToTarget(const io::Scene& scene,
     events.push_back(text);
     if (reached || report.budget_s >= options.time_s) {
       report.train_s = spent_s;
+      report.steps = steps;
       report.events = std::move(events);
       return report;
     }

@@ -21,8 +21,7 @@ std::string TrainingSchedule::Text() const {
   std::snprintf(text,
                 sizeof text,
                 "tables of 2^%d entries, finest cells of %g pixels; rate %g for %.0f %% of the run, then "
-                "falling to %g; intervals %g times "
-                "as long at first, %g after %.0f %%",
+                "falling to %g; intervals %g times as long at first, %g after %.0f %%",
                 log2_hashmap_size,
                 finest_cell_pixels,
                 learning_rate,
