@@ -11,13 +11,14 @@ namespace {
 constexpr int kRaysPerTask = 512, kStratifiedRays = 64;
 // Samples a ray may contribute to one wave: what is queried in vain behind a surface is at most one wave.
 constexpr int kWaveSamples = 4;
-// Samples with less weight get no colour of their own: their weight goes to the others of their ray.
+// A sample gets a colour when this much weight has gathered since the last one that did, and stands for it.
 constexpr float kMinColourWeight = 1e-3f;
 
 struct RayState {
   int index;
   float t, t_last, optical_depth = 0;
-  float coloured = 0;  // sum of the weights that have a colour
+  float gathered = 0;  // weight since the last sample with a colour ...
+  float coloured = 0;  // ... and up to there
   int count = 0;       // samples in the current wave
 };
 
@@ -64,7 +65,7 @@ void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_sca
   scratch->Resize();
 }
 
-// Weights of the wave's samples, and colours of those whose weight counts.
+// Absorbs along the wave's samples and adds the colours of those that get one.
 void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch* scratch, RenderedRay* out) {
   std::size_t active = 0;
   int left = scratch->active.empty() ? 0 : scratch->active[0].count;
@@ -73,12 +74,13 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
       while (left == 0) left = scratch->active[++active].count;
       RayState& state = scratch->active[active];
       const float tau = *sigma++ * scratch->samples.delta[i];
-      const float weight = Absorb(tau, scratch->samples.t[i], &state.optical_depth, &out[state.index]);
-      scratch->weights[i] = weight;
+      state.gathered += Absorb(tau, scratch->samples.t[i], &state.optical_depth, &out[state.index]);
       // Written so that a NaN is shown.
-      const bool counts = !(weight < kMinColourWeight);
-      *wanted++ = scratch->wanted[i] = counts;
-      if (counts) state.coloured += weight;
+      *wanted++ = scratch->wanted[i] = !(state.gathered < kMinColourWeight);
+      if (!scratch->wanted[i]) continue;
+      scratch->weights[i] = state.gathered;
+      state.coloured += state.gathered;
+      state.gathered = 0;
     }
   };
   scene_field.field->Query(

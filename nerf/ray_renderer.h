@@ -10,8 +10,8 @@
 namespace nerf {
 
 struct RenderedRay {
-  // Sum of weights times colour, background not included. Samples that follow the occupancy grid and weigh
-  // less than 1e-3 count with the mean colour of the others on their ray.
+  // Sum of weights times colour, background not included. Along the occupancy grid, one colour serves
+  // neighbouring samples of less than 1e-3 together; a ray with less opacity in all has none.
   float rgb[3];
   float transmittance;  // share of the background that shows
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit

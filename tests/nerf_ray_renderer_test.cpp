@@ -42,9 +42,9 @@ class RayRenderer : public testing::Test {
     fog_.field->Refresh();
   }
 
-  RenderedRay RenderAlong(const Ray& ray) {
+  RenderedRay RenderAlong(const Ray& ray, float step_scale = 1.f) {
     Workers workers(1);
-    return RenderRays(fog_, {&ray, 1}, 1.f, &workers)[0];
+    return RenderRays(fog_, {&ray, 1}, step_scale, &workers)[0];
   }
 
   SceneField fog_;
@@ -64,6 +64,14 @@ TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
   const float stopped = RenderAlong({{0, 0, -30}, {0, 0, 1}}).transmittance;
   EXPECT_LT(stopped, kEarlyStopTransmittance);
   EXPECT_GT(stopped, 0.5f * kEarlyStopTransmittance) << "the wave after the stop was still followed";
+}
+
+// A ray through a unit of fog in 500 samples of less weight than any that gets a colour alone.
+TEST_F(RayRenderer, ManySamplesOfLittleWeightKeepTheirColour) {
+  Fill();
+  const RenderedRay ray = RenderAlong({{0, 0, 49}, {0, 0, 1}}, 0.02f);
+  EXPECT_NEAR(ray.transmittance, std::exp(-std::exp(-1.0)), 1e-3);
+  for (const float c : ray.rgb) EXPECT_NEAR(c, 0.5f * (1 - ray.transmittance), 1e-5);
 }
 
 // N07: no division by an opacity of 0.
