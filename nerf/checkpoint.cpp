@@ -16,7 +16,7 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP3";
+constexpr char kMagic[] = "NERFCKP4";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
 constexpr std::size_t kMaxFile = std::size_t{8} << 30;
@@ -114,6 +114,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                         {"scene_units", sampling.scene_units ? 1 : 0}};
   header["field"] = scene_field->field->kind();
   header["config"] = scene_field->field->Config();
+  header["pixel_rays"] = scene_field->pixel_rays;
   header["grid_resolution"] = scene_field->grid.resolution();
   header["state"] = {{"seed", state.seed},
                      {"step", state.step},
@@ -172,6 +173,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->channels = Get(path, t, "channels", 3, 4);
 
   auto scene_field = std::make_unique<SceneField>(map, sampling, MakeField(path, header), grid_resolution);
+  scene_field->pixel_rays = Get(path, header, "pixel_rays", 1, 16);
   std::size_t index = 0;
   const std::vector<Entry> entries = Entries(scene_field.get());
   if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())

@@ -32,9 +32,9 @@ RayCamera::RayCamera(const io::Camera& camera, const io::Rigid3d& world_from_cam
   }
 }
 
-Ray RayCamera::RayThrough(int x, int y) const {
-  const float u = (static_cast<float>(x) + 0.5f - cx_) * inv_fl_x_,
-              v = -(static_cast<float>(y) + 0.5f - cy_) * inv_fl_y_;
+Ray RayCamera::RayThrough(int x, int y, float dx, float dy) const {
+  const float u = (static_cast<float>(x) + 0.5f + dx - cx_) * inv_fl_x_,
+              v = -(static_cast<float>(y) + 0.5f + dy - cy_) * inv_fl_y_;
   const float scale = 1.f / std::sqrt(u * u + v * v + 1.f);
   Ray ray;
   for (int i = 0; i < 3; ++i) {
@@ -42,6 +42,12 @@ Ray RayCamera::RayThrough(int x, int y) const {
     ray.direction[i] = scale * (rotation_[3 * i] * u + rotation_[3 * i + 1] * v - rotation_[3 * i + 2]);
   }
   return ray;
+}
+
+PixelCell CellOfPixel(int index, int n_cells) {
+  int columns = 1;
+  while (columns * columns < n_cells) ++columns;
+  return {index % columns, index / columns, 1.f / static_cast<float>(columns)};
 }
 
 const View& Dataset::ViewOf(std::size_t pixel) const {

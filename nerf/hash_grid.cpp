@@ -1,5 +1,6 @@
 #include "nerf/hash_grid.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "nerf/random.h"
@@ -32,9 +33,7 @@ HashGrid::HashGrid(const HashGridOptions& options, std::uint64_t seed)
   for (std::size_t i = 0; i < table_.size(); ++i) {
     table_[i] = kTableInit * (2.f * Random(seed, Stream::kInit, 0, i).Uniform() - 1.f);
   }
-  gradient_.assign(table_.size(), 0.f);
-  m_.assign(table_.size(), 0.f);
-  v_.assign(table_.size(), 0.f);
+  v_.assign(n_entries, 0.f);
   if (options.bf16) rounded_.resize(table_.size());
   Refresh();
 }
@@ -60,34 +59,39 @@ void HashGrid::Encode(const Samples& samples, int first, int n, Real* features) 
 }
 
 template <typename Real>
-void HashGrid::Scatter(int level, const Real* feature_gradients, const Samples& samples, int n) {
-  const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
-  kernels_.Network<Real>().scatter(l,
+void HashGrid::Scatter(
+    int level, const Real* feature_gradients, const Samples& samples, int n, float* gradients) const {
+  kernels_.Network<Real>().scatter(levels_[static_cast<std::size_t>(level)],
                                    feature_gradients,
                                    samples.x.data(),
                                    samples.y.data(),
                                    samples.z.data(),
                                    n,
-                                   &gradient_[l.first_entry * kernels::kFeatures]);
+                                   gradients);
 }
 
-void HashGrid::Step(int level, const kernels::AdamStep& step) {
+void HashGrid::Step(int level, const kernels::AdamStep& step, float* gradients) {
   const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
   const std::size_t first = l.first_entry * kernels::kFeatures;
-  kernels_.adam(step,
-                l.n_entries * kernels::kFeatures,
-                &gradient_[first],
-                &m_[first],
-                &v_[first],
-                &table_[first],
-                options_.bf16 ? &rounded_[first] : nullptr);
+  kernels_.step_entries(step,
+                        l.n_entries,
+                        gradients,
+                        &v_[l.first_entry],
+                        &table_[first],
+                        options_.bf16 ? &rounded_[first] : nullptr);
 }
 
-std::vector<Tensor> HashGrid::State() { return {{"table", &table_}, {"table_m", &m_}, {"table_v", &v_}}; }
+std::size_t HashGrid::gradient_size() const {
+  std::size_t size = 0;
+  for (const kernels::GridLevel& level : levels_) size = std::max(size, level.n_entries * kernels::kFeatures);
+  return size;
+}
+
+std::vector<Tensor> HashGrid::State() { return {{"table", &table_}, {"table_v", &v_}}; }
 
 template void HashGrid::Encode(const Samples&, int, int, float*) const;
 template void HashGrid::Encode(const Samples&, int, int, kernels::Bf16*) const;
-template void HashGrid::Scatter(int, const float*, const Samples&, int);
-template void HashGrid::Scatter(int, const kernels::Bf16*, const Samples&, int);
+template void HashGrid::Scatter(int, const float*, const Samples&, int, float*) const;
+template void HashGrid::Scatter(int, const kernels::Bf16*, const Samples&, int, float*) const;
 
 }  // namespace nerf

@@ -1,6 +1,6 @@
 // Multi-resolution hash grid [Müller et al. 2022]: positions in the unit cube to features, level by level,
-// and gradients back. Values and Adam's moments are float; a copy of the values rounded to bfloat16, half as
-// large and so nearer to the processor, can serve the look-ups.
+// and gradients back. Values and the optimiser's moments are float; a copy of the values rounded to bfloat16,
+// half as large and so nearer to the processor, can serve the look-ups.
 #pragma once
 
 #include <cstdint>
@@ -26,11 +26,16 @@ class HashGrid {
   // Features of all levels for samples [first, first + n), rows of n_features().
   template <typename Real>
   void Encode(const Samples& samples, int first, int n, Real* features) const;
-  // Adds gradients of one level for feature gradients [n][kFeatures].
+  // Adds the gradients of one level for feature gradients [n][kFeatures] to `gradients`, which holds
+  // gradient_size() values, zero at first.
   template <typename Real>
-  void Scatter(int level, const Real* feature_gradients, const Samples& samples, int n);
+  void Scatter(
+      int level, const Real* feature_gradients, const Samples& samples, int n, float* gradients) const;
   // Consumes and clears the gradients of one level.
-  void Step(int level, const kernels::AdamStep& step);
+  void Step(int level, const kernels::AdamStep& step, float* gradients);
+  // Of the largest level. The gradients belong to the caller: one buffer per thread serves all levels and
+  // stays in its caches.
+  std::size_t gradient_size() const;
 
   // To be called after values were set through State().
   void Refresh();
@@ -44,7 +49,7 @@ class HashGrid {
   HashGridOptions options_;
   const kernels::Kernels& kernels_;
   std::vector<kernels::GridLevel> levels_;
-  std::vector<float> table_, gradient_, m_, v_;
+  std::vector<float> table_, v_;        // [entries][kFeatures], [entries]
   std::vector<kernels::Bf16> rounded_;  // of table_; empty unless options_.bf16
 };
 

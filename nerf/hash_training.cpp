@@ -38,6 +38,7 @@ class HashTraining : public FieldTraining {
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
+        table_gradients_(scratch_.size(), std::vector<float>(grid_.gradient_size(), 0.f)),
         candidates_(scene_field->grid.Candidates()) {}
 
   StepOutcome Step(double progress, TrainState* state) override;
@@ -58,12 +59,16 @@ class HashTraining : public FieldTraining {
   Workers* workers_;
   std::vector<ShardResult<Real>> shards_;
   std::vector<ShardScratch<Real>> scratch_;
-  std::vector<std::uint32_t> candidates_;  // cells that may hold something
+  std::vector<std::vector<float>> table_gradients_;  // of one level, by thread; zero between uses
+  std::vector<std::uint32_t> candidates_;            // cells that may hold something
 };
 
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  BatchPlan plan{.seed = state->seed, .step = state->step, .n_rays = state->n_rays, .n_shards = kShards};
+  if (schedule_.PixelRays(progress) > 1) scene_field_->pixel_rays = schedule_.PixelRays(progress);
+  BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
+  plan.pixel_rays = scene_field_->pixel_rays;
+  plan.n_rays = std::max(1, state->n_rays / plan.pixel_rays) * plan.pixel_rays;
   plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
   plan.wave_samples = kWaveSamples;
   plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
@@ -79,12 +84,13 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
                &scratch_[static_cast<std::size_t>(thread)],
                &shards_[static_cast<std::size_t>(shard)]);
   });
+  const double n_pixels = static_cast<double>(plan.n_rays) / plan.pixel_rays;
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
   for (const ShardResult<Real>& shard : shards_) {
     outcome.n_samples += shard.visited_cell.size();
-    outcome.loss += shard.loss / plan.n_rays;
-    outcome.opacity += shard.opacity / plan.n_rays;
-    outcome.squared_error += shard.squared_error / (3.0 * plan.n_rays);
+    outcome.loss += shard.loss / n_pixels;
+    outcome.opacity += shard.opacity / n_pixels;
+    outcome.squared_error += shard.squared_error / (3.0 * n_pixels);
     if (!shard.finite) {
       outcome.fault = "loss or gradient of ray " + std::to_string(shard.first_bad_ray);
       return outcome;
@@ -112,15 +118,16 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
   step.correction1 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta1}, t)));
   step.correction2 = static_cast<float>(1.0 / (1.0 - std::pow(double{step.beta2}, t)));
   const int n_levels = static_cast<int>(grid_.levels().size());
-  workers_->Run(n_levels + 1, [&](int task, int) {
+  workers_->Run(n_levels + 1, [&](int task, int thread) {
     if (task < n_levels) {
+      float* table_gradients = table_gradients_[static_cast<std::size_t>(thread)].data();
       const int level = n_levels - 1 - task;  // the finest, slowest levels first
       for (const ShardResult<Real>& shard : shards_) {
         const Real* gradients =
             shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
-        grid_.Scatter(level, gradients, shard.samples, shard.samples.size());
+        grid_.Scatter(level, gradients, shard.samples, shard.samples.size(), table_gradients);
       }
-      grid_.Step(level, step);
+      grid_.Step(level, step, table_gradients);
       return;
     }
     std::vector<float>& sum = shards_[0].weight_gradients;

@@ -17,13 +17,14 @@ constexpr int kConstantPixels = 65536;
 HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset) {
   if (heldout.frames.empty()) return;
   const Dataset dataset = LoadDataset(heldout, threads, pixel_offset);
+  views_ = dataset.views;
   background_ = dataset.channels == 4 ? 1.f : 0.5f;
   for (std::uint64_t i = 0; i < kPixels; ++i) {
     const std::size_t pixel = dataset.UsedPixel(
         Random(0, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
-    const View& view = dataset.ViewOf(pixel);
+    const View& view = views_[static_cast<std::size_t>(&dataset.ViewOf(pixel) - dataset.views.data())];
     const int in_view = static_cast<int>(pixel - view.first_pixel);
-    rays_.push_back(view.camera.RayThrough(in_view % view.width, in_view / view.width));
+    pixels_.push_back({&view.camera, in_view % view.width, in_view / view.width});
     const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
     const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
     for (int j = 0; j < 3; ++j)
@@ -32,8 +33,8 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
 }
 
 double HeldoutMonitor::Psnr(const SceneField& scene_field, Workers* workers) const {
-  if (rays_.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays_, 1.f, workers);
+  if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const std::vector<RenderedRay> rendered = RenderPixels(scene_field, pixels_, 1.f, workers);
   double sum = 0;
   for (std::size_t i = 0; i < rendered.size(); ++i) {
     for (std::size_t j = 0; j < 3; ++j) {

@@ -19,8 +19,9 @@ class HeldoutMonitor {
   double Psnr(const SceneField& scene_field, Workers* workers) const;
 
  private:
-  std::vector<Ray> rays_;
-  std::vector<float> target_;  // [n][3], composited on `background_`
+  std::vector<View> views_;
+  std::vector<CameraPixel> pixels_;  // of views_
+  std::vector<float> target_;        // [n][3], composited on `background_`
   float background_ = 1;
 };
 

@@ -1,5 +1,7 @@
 #include "nerf/ray_batch.h"
 
+#include <utility>
+
 #include "nerf/random.h"
 
 namespace nerf {
@@ -17,25 +19,39 @@ PixelTarget TargetOf(const Dataset& dataset, std::size_t pixel) {
 
 void DrawRays(
     const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch) {
-  const auto rays = static_cast<std::uint64_t>(plan.n_rays),
+  const auto pixel_rays = static_cast<std::uint64_t>(plan.pixel_rays),
+             pixels = static_cast<std::uint64_t>(plan.n_rays) / pixel_rays,
              shards = static_cast<std::uint64_t>(plan.n_shards);
-  const std::uint64_t first = rays * static_cast<std::uint64_t>(shard) / shards;
-  const std::uint64_t last = rays * static_cast<std::uint64_t>(shard + 1) / shards;
+  const std::uint64_t first = pixels * static_cast<std::uint64_t>(shard) / shards;
+  const std::uint64_t last = pixels * static_cast<std::uint64_t>(shard + 1) / shards;
   const auto n_used = static_cast<std::uint32_t>(dataset.n_used());
-  batch->rays.clear();
+  // Pixels lie far apart in memory: reading them one after the other lets the processor wait for several.
+  std::vector<std::pair<Random, std::size_t>> draws;
   for (std::uint64_t id = first; id < last; ++id) {
     Random random(plan.seed, Stream::kRay, plan.step, 2 * id);
     const std::size_t pixel = dataset.UsedPixel(random.Below(n_used));
+    draws.emplace_back(random, pixel);
+  }
+  std::vector<PixelTarget> targets;
+  for (const auto& draw : draws) targets.push_back(TargetOf(dataset, draw.second));
+  batch->rays.clear();
+  for (std::size_t p = 0; p < draws.size(); ++p) {
+    auto& [random, pixel] = draws[p];
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
-    BatchRay ray{.id = id,
-                 .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width),
-                 .target = TargetOf(dataset, pixel),
-                 .t = 0,
-                 .t_last = 0};
-    sampler.Range(ray.ray, &ray.t, &ray.t_last);
-    ray.t += random.Uniform() * sampler.Delta(plan.step_scale, ray.t);
-    batch->rays.push_back(ray);
+    for (int k = 0; k < plan.pixel_rays; ++k) {
+      const PixelCell cell = CellOfPixel(k, plan.pixel_rays);
+      const float u = plan.pixel_rays > 1 ? random.Uniform() : 0.5f,
+                  v = plan.pixel_rays > 1 ? random.Uniform() : 0.5f;
+      BatchRay ray{
+          .id = (first + p) * pixel_rays + static_cast<std::uint64_t>(k),
+          .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width, cell.Dx(u), cell.Dy(v)),
+          .target = targets[p],
+      };
+      sampler.Range(ray.ray, &ray.t, &ray.t_last);
+      ray.t += random.Uniform() * sampler.Delta(plan.step_scale, ray.t);
+      batch->rays.push_back(ray);
+    }
   }
 }
 

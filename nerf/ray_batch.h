@@ -17,7 +17,9 @@ namespace nerf {
 
 struct BatchPlan {
   std::uint64_t seed = 0, step = 0;
-  int n_rays = 0;  // of the whole batch
+  int n_rays = 0;  // of the whole batch, a multiple of ...
+  int pixel_rays =
+      1;  // ... those of a pixel, which follow one another: random in the cells of a square lattice
   int n_shards = 16;
   float step_scale = 1;  // of the sampler's intervals
   // Optical depth at which a ray ends; the light left over counts as background.
@@ -32,10 +34,10 @@ struct BatchPlan {
 
 // A ray of the batch while it is marched.
 struct BatchRay {
-  std::uint64_t id;  // in the batch
-  Ray ray;
-  PixelTarget target;
-  float t, t_last;                             // where marching goes on, and where it ends
+  std::uint64_t id = 0;  // in the batch
+  Ray ray = {};
+  PixelTarget target = {};
+  float t = 0, t_last = 0;                     // where marching goes on, and where it ends
   float optical_depth = 0, transmittance = 1;  // so far
   int n_kept = 0;                              // samples whose weight counts
   bool marching = true;
@@ -49,7 +51,7 @@ struct RayBatch {
 };
 
 // Rays of one shard through random used pixels of all pictures, each starting within its first interval at
-// random.
+// random. A pixel with one ray is met at its centre.
 void DrawRays(
     const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch);
 

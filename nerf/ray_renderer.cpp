@@ -192,4 +192,27 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
   return out;
 }
 
+std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
+                                      std::span<const CameraPixel> pixels,
+                                      float step_scale,
+                                      Workers* workers) {
+  const auto n = static_cast<std::size_t>(scene_field.pixel_rays);
+  std::vector<Ray> rays(pixels.size() * n);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const CameraPixel& pixel = pixels[i / n];
+    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), scene_field.pixel_rays);
+    rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
+  }
+  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, step_scale, workers);
+  const float share = 1.f / static_cast<float>(n);
+  std::vector<RenderedRay> means(pixels.size());
+  for (std::size_t i = 0; i < rendered.size(); ++i) {
+    RenderedRay& mean = means[i / n];
+    for (int j = 0; j < 3; ++j) mean.rgb[j] += share * rendered[i].rgb[j];
+    mean.transmittance += share * rendered[i].transmittance;
+    mean.depth += share * rendered[i].depth;
+  }
+  return means;
+}
+
 }  // namespace nerf

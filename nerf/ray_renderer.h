@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "nerf/dataset.h"
 #include "nerf/scene_field.h"
 
 namespace nerf {
@@ -17,11 +18,23 @@ struct RenderedRay {
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
 };
 
+// A pixel of a camera.
+struct CameraPixel {
+  const RayCamera* camera;
+  int x, y;
+};
+
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h).
 // Results do not depend on the number of workers.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
                                     float step_scale,
                                     Workers* workers);
+
+// Means over the scene_field.pixel_rays rays of each pixel, through the centres of its cells.
+std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
+                                      std::span<const CameraPixel> pixels,
+                                      float step_scale,
+                                      Workers* workers);
 
 }  // namespace nerf

@@ -29,6 +29,8 @@ struct SceneField {
   SamplerOptions sampler_options;
   std::unique_ptr<RadianceField> field;
   OccupancyGrid grid;
+  // Rays per pixel, a square: a pixel is the mean of rays through the cells of a square lattice on it.
+  int pixel_rays = 1;
 };
 
 // Overrides of what is otherwise derived from the scene; 0 keeps the derivation.

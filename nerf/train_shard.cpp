@@ -64,6 +64,48 @@ void SortByRay(ShardScratch<Real>* scratch, ShardResult<Real>* result, std::vect
   }
 }
 
+// Colour of the ray whose samples are rows [begin, end); scratch->weights, at first opacities, become
+// weights. Returns the transmittance at its end.
+template <typename Real>
+float CompositeRay(std::size_t begin,
+                   std::size_t end,
+                   const std::vector<float>& rgb,
+                   ShardScratch<Real>* scratch,
+                   float colour[3]) {
+  float depth = 0, transmittance = 1;
+  for (std::size_t i = begin; i < end; ++i) {
+    scratch->weights[i] *= transmittance;
+    depth += scratch->tau[i];
+    transmittance = std::exp(-depth);
+  }
+  CompositeColour(
+      static_cast<int>(end - begin), scratch->weights.data() + begin, rgb.data() + 3 * begin, colour);
+  return transmittance;
+}
+
+// Gradients of the same ray, from the loss of its pixel.
+template <typename Real>
+void DifferentiateRay(std::size_t begin,
+                      std::size_t end,
+                      const std::vector<float>& rgb,
+                      float transmittance_end,
+                      const PixelLoss<float>& pixel,
+                      float scale,
+                      ShardScratch<Real>* scratch) {
+  float *logits = scratch->logit_gradients.data(), *log_sigma = scratch->log_sigma_gradients.data();
+  CompositeGradients(static_cast<int>(end - begin),
+                     scratch->weights.data() + begin,
+                     rgb.data() + 3 * begin,
+                     transmittance_end,
+                     pixel,
+                     scale,
+                     logits + 3 * begin,
+                     log_sigma + begin);
+  // sigma = exp(logit) and rgb = sigmoid(logit).
+  for (std::size_t i = begin; i < end; ++i) log_sigma[i] *= scratch->tau[i];
+  for (std::size_t i = 3 * begin; i < 3 * end; ++i) logits[i] *= rgb[i] * (1.f - rgb[i]);
+}
+
 // Loss and gradients of the rays [ray_begin, ray_end), whose samples are the rows from `first` on.
 template <typename Real>
 void DifferentiateRays(const HashNetwork<Real>& network,
@@ -94,33 +136,32 @@ void DifferentiateRays(const HashNetwork<Real>& network,
   }
   network.QueryColour(&rows);
 
-  for (int r = ray_begin; r < ray_end; ++r) {
-    const BatchRay& ray = scratch->batch.rays[static_cast<std::size_t>(r)];
-    const std::size_t begin = static_cast<std::size_t>(ray_first[static_cast<std::size_t>(r)]) - first;
-    float depth = 0, transmittance = 1;
-    for (std::size_t i = begin; i < begin + static_cast<std::size_t>(ray.n_kept); ++i) {
-      scratch->weights[i] *= transmittance;
-      depth += scratch->tau[i];
-      transmittance = std::exp(-depth);
+  std::vector<float> transmittance_end;
+  for (int r = ray_begin; r < ray_end; r += plan.pixel_rays) {
+    const auto begin_of = [&](int ray) {
+      return static_cast<std::size_t>(ray_first[static_cast<std::size_t>(ray)]) - first;
+    };
+    // The pixel is the mean of its rays.
+    const float share = 1.f / static_cast<float>(plan.pixel_rays);
+    float colour[3] = {}, transmittance = 0;
+    transmittance_end.clear();
+    for (int i = r; i < r + plan.pixel_rays; ++i) {
+      float ray_colour[3];
+      transmittance_end.push_back(CompositeRay(begin_of(i), begin_of(i + 1), rows.rgb, scratch, ray_colour));
+      transmittance += share * transmittance_end.back();
+      for (int j = 0; j < 3; ++j) colour[j] += share * ray_colour[j];
     }
-    float colour[3];
-    const float* rgb = rows.rgb.data() + 3 * begin;
-    CompositeColour(ray.n_kept, scratch->weights.data() + begin, rgb, colour);
+    const BatchRay& ray = scratch->batch.rays[static_cast<std::size_t>(r)];
     const PixelLoss<float> pixel = RandomBackgroundLoss(colour, transmittance, ray.target);
-    float* logit_gradients = scratch->logit_gradients.data() + 3 * begin;
-    float* log_sigma_gradients = scratch->log_sigma_gradients.data() + begin;
-    CompositeGradients(ray.n_kept,
-                       scratch->weights.data() + begin,
-                       rgb,
-                       transmittance,
+    for (int i = r; i < r + plan.pixel_rays; ++i) {
+      DifferentiateRay(begin_of(i),
+                       begin_of(i + 1),
+                       rows.rgb,
+                       transmittance_end[static_cast<std::size_t>(i - r)],
                        pixel,
                        1.f / static_cast<float>(plan.n_rays),
-                       logit_gradients,
-                       log_sigma_gradients);
-    // sigma = exp(logit) and rgb = sigmoid(logit).
-    for (int i = 0; i < ray.n_kept; ++i)
-      log_sigma_gradients[i] *= scratch->tau[begin + static_cast<std::size_t>(i)];
-    for (int i = 0; i < 3 * ray.n_kept; ++i) logit_gradients[i] *= rgb[i] * (1.f - rgb[i]);
+                       scratch);
+    }
     if (!std::isfinite(pixel.loss) && result->finite) {
       result->finite = false;
       result->first_bad_ray = ray.id;
@@ -166,9 +207,10 @@ void TrainShard(const Dataset& dataset,
   Grow(&result->feature_gradients, stride * n_levels);
   const int n_rays = static_cast<int>(scratch->batch.rays.size());
   for (int ray_begin = 0; ray_begin < n_rays;) {
-    int ray_end = ray_begin + 1;
+    int ray_end = ray_begin + plan.pixel_rays;
     const auto first_of = [&](int r) { return ray_first[static_cast<std::size_t>(r)]; };
-    while (ray_end < n_rays && first_of(ray_end + 1) - first_of(ray_begin) <= kChunkRows) ++ray_end;
+    while (ray_end < n_rays && first_of(ray_end + plan.pixel_rays) - first_of(ray_begin) <= kChunkRows)
+      ray_end += plan.pixel_rays;
     DifferentiateRays(network, plan, ray_begin, ray_end, ray_first, scratch, result);
 
     const NetworkRows<Real>& rows = scratch->rows;

@@ -22,7 +22,7 @@ struct ShardResult {
   std::vector<std::uint32_t> visited_cell;
   std::vector<float> visited_sigma;
 
-  double loss = 0, squared_error = 0, opacity = 0;  // sums over rays
+  double loss = 0, squared_error = 0, opacity = 0;  // sums over pixels
   bool finite = true;
   std::uint64_t first_bad_ray = 0;  // valid when !finite
 };

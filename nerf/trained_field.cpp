@@ -8,6 +8,8 @@ namespace {
 
 // Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
 constexpr float kUnseenGrey = 0.5f;
+// Rows of pixels whose rays are in memory together.
+constexpr int kBandRows = 128;
 
 class CheckpointTrainedField : public TrainedField {
  public:
@@ -19,21 +21,21 @@ class CheckpointTrainedField : public TrainedField {
                       const io::Rigid3d& world_from_cam,
                       const RenderOptions& options) const override {
     const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
-    std::vector<Ray> rays;
-    rays.reserve(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    for (int y = 0; y < camera.height; ++y) {
-      for (int x = 0; x < camera.width; ++x) rays.push_back(ray_camera.RayThrough(x, y));
-    }
     Workers workers(options.threads);
-    const std::vector<RenderedRay> rendered = RenderRays(*scene_field_, rays, options.step_scale, &workers);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
-    for (const RenderedRay& ray : rendered) {
-      for (std::size_t j = 0; j < 3; ++j) {
-        const float background = state_.channels == 4 ? options.background[j] : kUnseenGrey;
-        view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background, 0.f, 1.f));
+    std::vector<CameraPixel> band;
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
+      if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
+      for (const RenderedRay& ray : RenderPixels(*scene_field_, band, options.step_scale, &workers)) {
+        for (std::size_t j = 0; j < 3; ++j) {
+          const float background = state_.channels == 4 ? options.background[j] : kUnseenGrey;
+          view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background, 0.f, 1.f));
+        }
+        view.depth.push_back(ray.depth);
+        view.opacity.push_back(1.f - ray.transmittance);
       }
-      view.depth.push_back(ray.depth);
-      view.opacity.push_back(1.f - ray.transmittance);
+      band.clear();
     }
     return view;
   }

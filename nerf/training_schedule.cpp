@@ -17,11 +17,14 @@ double TrainingSchedule::StepScale(double progress) const {
 }
 
 std::string TrainingSchedule::Text() const {
-  char text[200];
+  char text[300], pixels[60] = "";
+  if (pixel_rays_from < 1)
+    std::snprintf(
+        pixels, sizeof pixels, "; %d rays per pixel from %.0f %% on", pixel_rays, 100 * pixel_rays_from);
   std::snprintf(text,
                 sizeof text,
                 "tables of 2^%d entries, finest cells of %g pixels; rate %g for %.0f %% of the run, then "
-                "falling to %g; intervals %g times as long at first, %g after %.0f %%",
+                "falling to %g; intervals %g times as long at first, %g after %.0f %%%s",
                 log2_hashmap_size,
                 finest_cell_pixels,
                 learning_rate,
@@ -29,7 +32,8 @@ std::string TrainingSchedule::Text() const {
                 learning_rate * last_rate,
                 first_step_scale,
                 last_step_scale,
-                100 * step_scale_share);
+                100 * step_scale_share,
+                pixels);
   return text;
 }
 
@@ -45,6 +49,7 @@ TrainingSchedule ScheduleFor(double n_samples) {
                 .step_scale_share = 0.8};
   } else if (n_samples > 250e6) {
     schedule.log2_hashmap_size = 18;
+    schedule.pixel_rays_from = 0.5;
   }
   return schedule;
 }

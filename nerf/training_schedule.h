@@ -16,10 +16,15 @@ struct TrainingSchedule {
   // Sampling intervals start longer than the field's own, for more rays with the same samples, and shrink
   // exponentially within a share of the run.
   double first_step_scale = 6, last_step_scale = 1, step_scale_share = 0.5;
+  // Once coarse shape and colour are there, pixels become the means of several rays, as in the camera, which
+  // brings edges thinner than a pixel. From this share of the run on; 1: never.
+  int pixel_rays = 4;
+  double pixel_rays_from = 1;
 
   // At progress in [0, 1].
   double LearningRate(double progress) const;
   double StepScale(double progress) const;
+  int PixelRays(double progress) const { return progress < pixel_rays_from ? 1 : pixel_rays; }
   // One line for the record of a run.
   std::string Text() const;
 };

@@ -52,8 +52,8 @@ class CaseList {
     AddElementary("exp", kernels_.exp, kRows, 21);
     AddElementary("one_minus_exp_neg", kernels_.one_minus_exp_neg, kRows, 37);
     AddElementary("sigmoid", kernels_.sigmoid, 3 * kRows, 23);
-    AddAdam("adam", data_->dense);
-    AddAdam("adam, 10 % touched", data_->sparse);
+    AddEntries("step_entries", data_->dense);
+    AddEntries("step_entries, 10 % touched", data_->sparse);
     return std::move(cases_);
   }
 
@@ -90,7 +90,7 @@ class CaseList {
   template <typename Real>
   void AddHead(const std::shared_ptr<LayerData<Real>>& rows);
   void AddElementary(const char* name, void (*kernel)(int, float*), int n, double operations);
-  void AddAdam(const char* name, const std::vector<float>& gradients);
+  void AddEntries(const char* name, const std::vector<float>& gradients);
 
   const std::string build_;
   const kernels::Kernels& kernels_;
@@ -187,36 +187,35 @@ void CaseList::AddElementary(const char* name, void (*kernel)(int, float*), int 
   AddArithmetic(name, "fp32", "element", n, operations, [=] { kernel(n, values->data()); });
 }
 
-// Bytes that a step must move: every gradient, and of the 64-byte lines that hold one which is not zero all
-// four arrays and the rounded copy, there and back.
-double AdamBytes(const std::vector<float>& gradients, bool rounded) {
+// Bytes that a step must move: every gradient, and for 64-byte lines of them that hold one which is not zero
+// the cleared gradients, values and second moments there and back, and the rounded copy.
+double EntryBytes(const std::vector<float>& gradients, bool rounded) {
   constexpr std::size_t kLine = 16;
   double bytes = 0;
   for (std::size_t i = 0; i + kLine <= gradients.size(); i += kLine) {
     const bool is_touched = std::any_of(&gradients[i], &gradients[i] + kLine, [](float g) { return g != 0; });
-    bytes += 64 + (is_touched ? 3 * 64 + 4 * 64 + (rounded ? 32 : 0) : 0);
+    bytes += 64 + (is_touched ? 64 + 2 * (64 + 16) + (rounded ? 32 : 0) : 0);
   }
   return bytes;
 }
 
-void CaseList::AddAdam(const char* name, const std::vector<float>& gradients) {
+void CaseList::AddEntries(const char* name, const std::vector<float>& gradients) {
   const kernels::AdamStep step{.learning_rate = 1e-2f, .correction1 = 10, .correction2 = 100};
   const std::size_t n = gradients.size();
   for (const bool rounded : {false, true}) {
     KernelCase& c = Add(name, rounded ? "bf16" : "fp32", "element", static_cast<double>(n));
     c.unit = "GB/s";
-    c.work = AdamBytes(gradients, rounded);
+    c.work = EntryBytes(gradients, rounded);
     const std::string size = std::to_string(4 * n * sizeof(float) >> 20) + "MiB";
     c.limit = KernelCase{.build = kAnyBuild, .kernel = kStreamUpdate, .format = size}.Name();
-    c.prepare = [data = data_, &gradients] { data->adam_gradient = gradients; };
-    c.run = [=, data = data_, kernel = kernels_.adam] {
+    c.prepare = [data = data_, &gradients] { data->step_gradient = gradients; };
+    c.run = [=, data = data_, kernel = kernels_.step_entries] {
       kernel(step,
-             n,
-             data->adam_gradient.data(),
-             data->m.data(),
+             n / kernels::kFeatures,
+             data->step_gradient.data(),
              data->v.data(),
              data->values.data(),
-             rounded ? data->adam_rounded.data() : nullptr);
+             rounded ? data->step_rounded.data() : nullptr);
     };
   }
 }

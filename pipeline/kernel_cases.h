@@ -13,8 +13,8 @@ namespace pipeline {
 
 // Levels of the grid that are looked up: 2^14 to 2^19 entries.
 inline constexpr int kMinLog2Entries = 14, kMaxLog2Entries = 19;
-// The level that Adam steps through: the trainer's default.
-inline constexpr int kAdamLog2Entries = 18;
+// The level that the optimiser steps through: the trainer's largest.
+inline constexpr int kStepLog2Entries = 18;
 
 // Names of the limits, which the kernels' cases refer to. Memory is the same for all builds.
 inline constexpr const char *kAnyBuild = "any", *kArithmetic = "multiply-add", *kGather = "gather",
@@ -30,9 +30,9 @@ struct KernelData {
   std::vector<float> x, y, z;          // positions in [0, 1], along rays
   std::vector<float> table, gradient;  // of the largest level
   std::vector<nerf::kernels::Bf16> rounded;
-  std::vector<float> dense, sparse;  // gradients that Adam gets
-  std::vector<float> adam_gradient, m, v, values;
-  std::vector<nerf::kernels::Bf16> adam_rounded;
+  std::vector<float> dense, sparse;  // gradients that the optimiser gets
+  std::vector<float> step_gradient, v, values;
+  std::vector<nerf::kernels::Bf16> step_rounded;
   std::vector<float> stream;        // larger than the caches
   std::vector<float> sums;          // of the arithmetic probes
   volatile std::uint64_t used = 0;  // what would otherwise be optimised away

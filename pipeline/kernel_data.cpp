@@ -41,20 +41,20 @@ void FillPositions(KernelData* data) {
 
 KernelData::KernelData() {
   constexpr std::size_t kTable = kernels::kFeatures * (std::size_t{1} << kMaxLog2Entries);
-  constexpr std::size_t kAdam = kernels::kFeatures * (std::size_t{1} << kAdamLog2Entries);
+  constexpr std::size_t kStep = kernels::kFeatures * (std::size_t{1} << kStepLog2Entries);
   constexpr std::uint32_t kTouched = 10;  // one entry in so many
   FillPositions(this);
   table = Filled(kTable, 1, -1, 1);
   gradient.assign(kTable, 0.f);
   rounded.resize(kTable);
   kernels::ActiveKernels().bf16.round(1, static_cast<int>(kTable), table.data(), rounded.data(), 0);
-  dense = sparse = Filled(kAdam, 2, 0.5f, 1);
-  for (std::size_t i = 0; i < kAdam; ++i) {
+  dense = sparse = Filled(kStep, 2, 0.5f, 1);
+  for (std::size_t i = 0; i < kStep; ++i) {
     if (nerf::Random(3, nerf::Stream::kInit, 0, i / kernels::kFeatures).Below(kTouched) != 0) sparse[i] = 0;
   }
-  adam_gradient.assign(kAdam, 0.f), m = v = adam_gradient;
-  values = Filled(kAdam, 4, -1, 1);
-  adam_rounded.resize(kAdam);
+  step_gradient.assign(kStep, 0.f), v.assign(kStep / kernels::kFeatures, 0.f);
+  values = Filled(kStep, 4, -1, 1);
+  step_rounded.resize(kStep);
   stream.assign(kStreamFloats, 1.f);
   sums = Filled(kernels::kProbeSums, 5, 0.25f, 1);
 }

@@ -69,14 +69,14 @@ std::vector<KernelCase> LimitCases(const std::vector<std::string>& builds, Kerne
     cases.push_back(AccessCase(kGather, "8B", log2, narrow, data));
     cases.push_back(AccessCase(kUpdate, "16B", log2, update, data));
   }
-  const std::size_t n_adam = 4 * data->dense.size(), n_all = data->stream.size();
+  const std::size_t n_step = 4 * data->dense.size(), n_all = data->stream.size();
   const auto mebibytes = [](std::size_t n) { return static_cast<double>(n) * sizeof(float) / (1 << 20); };
-  for (const std::size_t n : {n_adam, n_all}) {
+  for (const std::size_t n : {n_step, n_all}) {
     cases.push_back(StreamCase(
         kStreamRead, mebibytes(n), 1, [=] { data->used = kernels::StreamRead(n, data->stream.data()); }));
   }
   cases.push_back(StreamCase(
-      kStreamUpdate, mebibytes(n_adam), 2, [=] { kernels::StreamUpdate(n_adam, data->stream.data()); }));
+      kStreamUpdate, mebibytes(n_step), 2, [=] { kernels::StreamUpdate(n_step, data->stream.data()); }));
   return cases;
 }
 
