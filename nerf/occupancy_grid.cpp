@@ -45,8 +45,9 @@ OccupancyGrid::OccupancyGrid(int resolution, const SpaceMap& map) : resolution_(
 
 void OccupancyGrid::Refresh() {
   const auto n = static_cast<std::uint32_t>(resolution_), blocks = n / kBlock;
-  block_distance_.assign(std::size_t{blocks} * blocks * blocks, kMaxDistance);
-  block_cells_.assign(block_distance_.size(), 0);
+  const std::size_t n_blocks = std::size_t{blocks} * blocks * blocks;
+  block_distance_.assign(n_blocks + 3, kMaxDistance);  // OccupancyBlocks wants three more
+  block_cells_.assign(n_blocks, 0);
   const std::uint8_t* distance = distance_.data();
   for (std::uint32_t z = 0; z < n; ++z) {
     for (std::uint32_t y = 0; y < n; ++y) {

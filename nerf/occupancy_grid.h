@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "nerf/kernels/march.h"
 #include "nerf/space_map.h"
 
 namespace nerf {
@@ -41,19 +42,9 @@ class OccupancyGrid {
 
   // 0: occupied; d > 0: every cell closer than d cells (maximum norm) is empty.
   std::uint8_t Distance(std::uint32_t cell) const { return distance_[cell]; }
-  // The same for rays, from arrays that stay in the first-level caches: 0 where the cell at a position is
-  // occupied, else the distance of its block of 4 x 4 x 4 cells, which is the least among them, at least 1.
-  int DistanceAt(const float unit[3]) const {
-    const auto index = [this](float u) {
-      return static_cast<std::uint32_t>(
-          std::min(static_cast<int>(u * static_cast<float>(resolution_)), resolution_ - 1));
-    };
-    const std::uint32_t x = index(unit[0]), y = index(unit[1]), z = index(unit[2]);
-    const auto n = static_cast<std::uint32_t>(resolution_) / kBlock;
-    const std::uint32_t block = ((z / kBlock) * n + y / kBlock) * n + x / kBlock;
-    if (block_distance_[block] > 0) return block_distance_[block];
-    const std::uint32_t bit = (z % kBlock * kBlock + y % kBlock) * kBlock + x % kBlock;
-    return block_cells_[block] >> bit & 1 ? 0 : 1;
+  // The same for rays, in arrays that stay in the first-level caches.
+  kernels::OccupancyBlocks Blocks() const {
+    return {static_cast<std::uint32_t>(resolution_), block_distance_.data(), block_cells_.data()};
   }
 
   // A training sample saw density sigma in the cell.
@@ -100,7 +91,7 @@ class OccupancyGrid {
   SpaceMap map_;
   std::vector<float> density_;
   std::vector<std::uint8_t> distance_;
-  // Per block: the least distance of its cells, and a bit for each occupied one.
+  // Per block: the least distance of its cells, 0 where one is occupied, and a bit for each that is.
   std::vector<std::uint8_t> block_distance_;
   std::vector<std::uint64_t> block_cells_;
 };

@@ -57,19 +57,23 @@ void DrawRays(
 
 bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch) {
   Samples& wave = batch->wave;
-  wave.clear();
+  MarchingRays& marching = batch->marching;
+  wave.clear(), marching.clear();
   batch->wave_ray.clear();
-  batch->wave_first.clear();
   for (std::size_t r = 0; r < batch->rays.size(); ++r) {
-    BatchRay& ray = batch->rays[r];
+    const BatchRay& ray = batch->rays[r];
     if (!ray.marching) continue;
     batch->wave_ray.push_back(static_cast<int>(r));
-    batch->wave_first.push_back(wave.size());
-    const int wanted = std::min(plan.wave_samples, plan.max_samples - ray.n_kept);
-    ray.marching =
-        sampler.March(ray.ray, plan.step_scale, ray.t_last, wanted, &ray.t, &wave) == plan.wave_samples;
+    sampler.AddRay(ray.ray, ray.t, ray.t_last, &marching);
   }
-  batch->wave_first.push_back(wave.size());
+  sampler.March(plan.step_scale, plan.wave_samples, &marching, &wave);
+  batch->wave_first.assign(1, 0);
+  for (std::size_t i = 0; i < batch->wave_ray.size(); ++i) {
+    BatchRay& ray = batch->rays[static_cast<std::size_t>(batch->wave_ray[i])];
+    ray.t = marching.t[i];
+    ray.marching = marching.count[i] == plan.wave_samples && ray.n_kept < plan.max_samples;
+    batch->wave_first.push_back(batch->wave_first.back() + marching.count[i]);
+  }
   return wave.size() > 0;
 }
 

@@ -29,7 +29,7 @@ struct BatchPlan {
   int wave_samples = 16;
   // Samples with less weight are dropped: they carry neither colour nor, relative to the others, gradient.
   float min_weight = 0;
-  int max_samples = 1024;  // per ray; what lies behind is treated as background
+  int max_samples = 1024;  // per ray, up to one wave more; what lies behind is treated as background
 };
 
 // A ray of the batch while it is marched.
@@ -48,6 +48,7 @@ struct RayBatch {
   std::vector<int> wave_ray;    // ray of each run of samples of the current wave ...
   std::vector<int> wave_first;  // ... and its first sample; one more entry at the end
   Samples wave;
+  MarchingRays marching;  // of the wave
 };
 
 // Rays of one shard through random used pixels of all pictures, each starting within its first interval at

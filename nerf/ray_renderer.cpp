@@ -24,6 +24,7 @@ struct RayState {
 
 struct Scratch {
   Samples samples;
+  MarchingRays marching;
   std::vector<int> ray_of;
   std::vector<float> sigma, rgb, weights;
   std::vector<std::uint8_t> wanted;
@@ -51,16 +52,16 @@ void AddColour(float weight, const float* rgb, RenderedRay* ray) {
 
 // Marches up to kWaveSamples further samples of every active ray.
 void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_scale, Scratch* scratch) {
-  scratch->samples.clear();
+  scratch->samples.clear(), scratch->marching.clear();
   scratch->ray_of.clear();
-  for (RayState& state : scratch->active) {
-    state.count = sampler.March(rays[static_cast<std::size_t>(state.index)],
-                                step_scale,
-                                state.t_last,
-                                kWaveSamples,
-                                &state.t,
-                                &scratch->samples);
-    scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), state.index);
+  for (const RayState& state : scratch->active)
+    sampler.AddRay(rays[static_cast<std::size_t>(state.index)], state.t, state.t_last, &scratch->marching);
+  sampler.March(step_scale, kWaveSamples, &scratch->marching, &scratch->samples);
+  for (std::size_t i = 0; i < scratch->active.size(); ++i) {
+    RayState& state = scratch->active[i];
+    state.t = scratch->marching.t[i];
+    state.count = scratch->marching.count[i];
+    scratch->ray_of.resize(scratch->ray_of.size() + static_cast<std::size_t>(state.count), state.index);
   }
   scratch->Resize();
 }

@@ -1,5 +1,7 @@
 #include "nerf/sampler.h"
 
+#include "nerf/kernels/kernels.h"
+
 namespace nerf {
 namespace {
 
@@ -25,89 +27,49 @@ void Sampler::Range(const Ray& ray, float* t_first, float* t_last) const {
   }
 }
 
-namespace {
-
-// Positions along a ray in the unit cube of a bounded scene, an affine function of the distance.
-struct BoundedPath {
-  BoundedPath(const SpaceMap& map, const Ray& ray) : speed(1.f / map.InnerSide()) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      start[i] = (ray.origin[i] - map.centre[i]) * speed + 0.5f;
-      slope[i] = ray.direction[i] * speed;
-    }
+void Sampler::AddRay(const Ray& ray, float t, float t_last, MarchingRays* rays) const {
+  const float scale = 1.f / (map_.unbounded ? map_.half : map_.InnerSide());
+  for (std::size_t i = 0; i < 3; ++i) {
+    rays->start[i].push_back((ray.origin[i] - map_.centre[i]) * scale + (map_.unbounded ? 0.f : 0.5f));
+    rays->slope[i].push_back(ray.direction[i] * scale);
   }
-  void At(float t, float unit[3]) const {
-    unit[0] = std::clamp(start[0] + t * slope[0], 0.f, 1.f);
-    unit[1] = std::clamp(start[1] + t * slope[1], 0.f, 1.f);
-    unit[2] = std::clamp(start[2] + t * slope[2], 0.f, 1.f);
-  }
-  // Bound on |d unit| / dt (maximum norm) from t on.
-  float SpeedFrom(float, float) const { return speed; }
-
-  float speed, start[3], slope[3];
-};
-
-// The same in contracted space.
-struct ContractedPath {
-  ContractedPath(const SpaceMap& space_map, const Ray& a_ray) : map(space_map), ray(a_ray) {}
-  void Point(float t, float x[3]) const {
-    x[0] = ray.origin[0] + t * ray.direction[0];
-    x[1] = ray.origin[1] + t * ray.direction[1];
-    x[2] = ray.origin[2] + t * ray.direction[2];
-  }
-  void At(float t, float unit[3]) const {
-    float x[3];
-    Point(t, x);
-    map.ToUnit(x, unit);
-  }
-  // The reach is a maximum of convex functions of t: once it grows it keeps growing.
-  float SpeedFrom(float t, float delta) const {
-    float here[3], ahead[3];
-    Point(t, here), Point(t + delta, ahead);
-    const float reach = map.Reach(here);
-    return map.MaxSpeed(reach, map.Reach(ahead) > reach);
-  }
-
-  const SpaceMap& map;
-  const Ray& ray;
-};
-
-}  // namespace
-
-template <typename Path>
-int Sampler::MarchAlong(
-    const Path& path, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const {
-  const float cell_size = 1.f / static_cast<float>(grid_.resolution());
-  float start = *t;
-  int count = 0;
-  while (start < t_last && count < max_samples) {
-    const float delta = Delta(step_scale, start), middle = start + 0.5f * delta;
-    float unit[3];
-    path.At(middle, unit);
-    const int distance = grid_.DistanceAt(unit);
-    if (distance > 1) {
-      start += std::max(delta, static_cast<float>(distance - 1) * cell_size / path.SpeedFrom(middle, delta));
-      continue;
-    }
-    if (distance == 0) {
-      samples->x.push_back(unit[0]);
-      samples->y.push_back(unit[1]);
-      samples->z.push_back(unit[2]);
-      samples->delta.push_back(delta);
-      samples->t.push_back(middle);
-      samples->cell.push_back(grid_.CellAt(unit));
-      ++count;
-    }
-    start += delta;
-  }
-  *t = start;
-  return count;
+  rays->t.push_back(t);
+  rays->t_last.push_back(t_last);
 }
 
-int Sampler::March(
-    const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const {
-  if (map_.unbounded)
-    return MarchAlong(ContractedPath(map_, ray), step_scale, t_last, max_samples, t, samples);
-  return MarchAlong(BoundedPath(map_, ray), step_scale, t_last, max_samples, t, samples);
+void Sampler::March(float step_scale, int max_samples, MarchingRays* rays, Samples* samples) const {
+  const auto n = static_cast<std::size_t>(rays->size()), most = static_cast<std::size_t>(max_samples);
+  const auto first = static_cast<std::size_t>(samples->size());
+  rays->count.resize(n);
+  samples->resize(first + n * most);
+  kernels::MarchPaths paths{.t_last = rays->t_last.data(), .contracted = map_.unbounded};
+  for (int i = 0; i < 3; ++i) paths.start[i] = rays->start[i].data(), paths.slope[i] = rays->slope[i].data();
+  kernels::ActiveKernels().march(grid_.Blocks(),
+                                 paths,
+                                 {step_scale * options_.step_size,
+                                  step_scale * options_.cone_angle,
+                                  map_.InnerSide() / static_cast<float>(grid_.resolution())},
+                                 rays->size(),
+                                 max_samples,
+                                 rays->t.data(),
+                                 rays->count.data(),
+                                 {&samples->t[first],
+                                  &samples->delta[first],
+                                  &samples->x[first],
+                                  &samples->y[first],
+                                  &samples->z[first],
+                                  &samples->cell[first]});
+  std::size_t to = first;
+  for (std::size_t ray = 0; ray < n; ++ray) {
+    const std::size_t from = first + ray * most, count = static_cast<std::size_t>(rays->count[ray]);
+    const auto close_gap = [&](auto* v) {
+      if (to != from) std::copy_n(v->data() + from, count, v->data() + to);
+    };
+    close_gap(&samples->x), close_gap(&samples->y), close_gap(&samples->z);
+    close_gap(&samples->delta), close_gap(&samples->t), close_gap(&samples->cell);
+    to += count;
+  }
+  samples->resize(to);
 }
 
 void Sampler::Place(const Ray& ray,

@@ -27,7 +27,23 @@ struct Samples {
   std::vector<std::uint32_t> cell;
 
   int size() const { return static_cast<int>(x.size()); }
-  void clear() { x.clear(), y.clear(), z.clear(), delta.clear(), t.clear(), cell.clear(); }
+  void clear() { resize(0); }
+  void resize(std::size_t n) {
+    x.resize(n), y.resize(n), z.resize(n), delta.resize(n), t.resize(n), cell.resize(n);
+  }
+};
+
+// Rays on their way through the occupancy grid, in the coordinates of kernels/march.h.
+struct MarchingRays {
+  std::vector<float> start[3], slope[3];
+  std::vector<float> t, t_last;  // where marching goes on, and where it ends
+  std::vector<int> count;        // samples of the last March
+
+  int size() const { return static_cast<int>(t.size()); }
+  void clear() {
+    for (int i = 0; i < 3; ++i) start[i].clear(), slope[i].clear();
+    t.clear(), t_last.clear(), count.clear();
+  }
 };
 
 class Sampler {
@@ -38,10 +54,11 @@ class Sampler {
   // First and last distance at which the ray can have samples; first >= last when it misses the scene.
   void Range(const Ray& ray, float* t_first, float* t_last) const;
 
-  // Appends up to `max_samples` samples from distance *t on and advances *t. Returns the number appended;
-  // fewer than max_samples means that the ray has left the scene.
-  int March(
-      const Ray& ray, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
+  // Adds a ray whose marching begins at distance t.
+  void AddRay(const Ray& ray, float t, float t_last, MarchingRays* rays) const;
+  // Appends up to `max_samples` further samples of each ray to *samples, ray by ray, and advances the rays. A
+  // ray with fewer has left the scene.
+  void March(float step_scale, int max_samples, MarchingRays* rays, Samples* samples) const;
 
   // Appends samples at given distances with given interval lengths, whatever the grid says.
   void Place(const Ray& ray,
@@ -55,11 +72,6 @@ class Sampler {
   }
 
  private:
-  // March on a path through the unit cube: At(t, unit) and SpeedFrom(t, delta), see sampler.cpp.
-  template <typename Path>
-  int MarchAlong(
-      const Path& path, float step_scale, float t_last, int max_samples, float* t, Samples* samples) const;
-
   SamplerOptions options_;
   const SpaceMap& map_;
   const OccupancyGrid& grid_;

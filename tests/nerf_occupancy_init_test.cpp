@@ -9,8 +9,8 @@
 #include "io/image.h"
 #include "io/mask.h"
 #include "nerf/hull_pixels.h"
-#include "nerf/sampler.h"
 #include "tests/ball_scene.h"
+#include "tests/march_ray.h"
 #include "tests/picture_scene.h"
 #include "tests/temp_dir.h"
 
@@ -81,8 +81,7 @@ TEST(DropPixelsBesideHull, KeepsEveryPixelWhoseRayMeetsTheHull) {
       const Ray ray = view.camera.RayThrough(in_view % view.width, in_view / view.width);
       float t, t_last;
       sampler.Range(ray, &t, &t_last);
-      Samples samples;
-      const bool meets = t < t_last && sampler.March(ray, 1, t_last, 1, &t, &samples) > 0;
+      const bool meets = MarchRay(sampler, ray, t_last, 1, &t).size() > 0;
       ASSERT_TRUE(!meets || used.empty() || used[pixel]) << pixel << " of " << view.name;
       n_met += meets;
       n_dropped += !used.empty() && !used[pixel];

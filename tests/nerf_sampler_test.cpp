@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "nerf/random.h"
+#include "tests/march_ray.h"
 
 namespace nerf {
 namespace {
@@ -89,9 +90,8 @@ TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
       float first, last;
       sampler.Range(ray, &first, &last);
       std::vector<bool> found(grid.n_cells());
-      Samples samples;
       float t = first;
-      if (first < last) sampler.March(ray, 1, last, 100000, &t, &samples);
+      const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
       for (const std::uint32_t cell : samples.cell) found[cell] = true;
       for (float s = first; s < last; s += 0.001f) {
         float x[3], unit[3];
@@ -128,8 +128,7 @@ TEST(Sampler, IntervalsDoNotOverlapAndCoverAFullGrid) {
   sampler.Range(ray, &t, &last);
   EXPECT_NEAR(t, 4, 1e-5);
   EXPECT_NEAR(last, 7, 1e-5);
-  Samples samples;
-  sampler.March(ray, 1, last, 100000, &t, &samples);
+  const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
   double length = 0;
   for (std::size_t i = 0; i < samples.delta.size(); ++i) {
     length += samples.delta[i];
@@ -168,8 +167,7 @@ TEST(Sampler, DegenerateRangesGiveNoSamplesAndNoNegativeLength) {
     const Sampler sampler({.near = near, .far = far, .step_size = 0.01f}, map, grid);
     float t, last;
     sampler.Range(ray, &t, &last);
-    Samples samples;
-    sampler.March(ray, 1, last, 100000, &t, &samples);
+    const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
     for (const float delta : samples.delta) EXPECT_GT(delta, 0.f);
     for (std::size_t i = 0; i < samples.t.size(); ++i) {
       EXPECT_GE(samples.t[i], near);
@@ -209,9 +207,12 @@ TEST(OccupancyGrid, DistancesEqualBruteForce) {
       nearest = std::min(nearest, std::max({dx, dy, std::abs(o[2] - static_cast<int>(cell / 4096))}));
     }
     ASSERT_EQ(grid.Distance(cell), nearest) << cell;
-    const std::array<float, 3> centre = grid.CellCentre(cell);
-    const int seen = grid.DistanceAt(centre.data());
-    ASSERT_TRUE(nearest == 0 ? seen == 0 : seen >= 1 && seen <= nearest) << cell;
+    const std::uint32_t x = cell % 64, y = cell / 64 % 64, z = cell / 4096;
+    const std::uint32_t block = (z / 4 * 16 + y / 4) * 16 + x / 4, bit = (z % 4 * 4 + y % 4) * 4 + x % 4;
+    const kernels::OccupancyBlocks blocks = grid.Blocks();
+    ASSERT_LE(blocks.distance[block], nearest) << cell;
+    ASSERT_EQ(blocks.cells[block] >> bit & 1, nearest == 0) << cell;
+    ASSERT_EQ(blocks.distance[block] == 0, blocks.cells[block] != 0) << cell;
   }
 }
 

@@ -17,6 +17,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "nerf/kernels/march.h"
+
 namespace nerf::kernels {
 
 // Features per entry of the hash grid: one 16-byte load per corner.
@@ -115,18 +117,14 @@ struct Kernels {
   void (*adam)(const AdamStep& step, std::size_t n, float* gradients, float* m, float* v, float* values);
 
   // For the entries [n][kFeatures] of a table: without momentum (beta1 = 0), and with one second moment v[n]
-  // per entry, a moving average of the mean square g^2 of its features' gradients that starts as the first
-  // (so that no correction is due, and an entry's first step is no longer than others'):
+  // per entry, of the mean square g^2 of its features' gradients, that starts as the first (no correction is
+  // due, and an entry's first step is no longer than others'):
   //   v = v == 0 ? g^2 : beta2 v + (1 - beta2) g^2      value -= learning_rate g / (sqrt(v) + epsilon)
-  // Learns faster than Adam on Lego, and has a third of the state to move. Entries without gradient keep
-  // every bit, so that what no ray has touched does not drift. `rounded`, unless null, is the copy of the
-  // values that is kept in step.
-  void (*step_entries)(const AdamStep& step,
-                       std::size_t n,
-                       float* gradients,
-                       float* v,
-                       float* values,
-                       Bf16* rounded);
+  // Entries without gradient keep every bit. `rounded`, unless null, is a copy of the values kept in step.
+  void (*step_entries)(
+      const AdamStep& step, std::size_t n, float* gradients, float* v, float* values, Bf16* rounded);
+
+  MarchFunction march;
 
   template <typename Real>
   const NetworkKernels<Real>& Network() const {

@@ -148,8 +148,7 @@ void StepEntries(const AdamStep& step, std::size_t n, Scalar* gradients, Scalar*
     Scalar mean_square = 0;
     for (int f = 0; f < kFeatures; ++f) mean_square += g[f] * g[f] / kFeatures;
     if (mean_square != 0) {
-      v[e] = v[e] == 0 ? mean_square
-                       : Scalar(step.beta2) * v[e] + (1 - Scalar(step.beta2)) * mean_square;
+      v[e] = v[e] == 0 ? mean_square : Scalar(step.beta2) * v[e] + (1 - Scalar(step.beta2)) * mean_square;
       const Scalar root = std::sqrt(v[e]) + Scalar(step.epsilon);
       for (std::size_t f = 0; f < kFeatures; ++f)
         values[e * kFeatures + f] -= Scalar(step.learning_rate) * g[f] / root;
