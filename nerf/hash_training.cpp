@@ -65,7 +65,9 @@ class HashTraining : public FieldTraining {
 
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  if (schedule_.PixelRays(progress) > 1) scene_field_->pixel_rays = schedule_.PixelRays(progress);
+  // Photographs gain nothing from it: their lenses and processing have blurred edges over more than a pixel.
+  if (!scene_field_->map.unbounded && schedule_.PixelRays(progress) > 1)
+    scene_field_->pixel_rays = schedule_.pixel_rays;
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
   plan.pixel_rays = scene_field_->pixel_rays;
   plan.n_rays = std::max(1, state->n_rays / plan.pixel_rays) * plan.pixel_rays;

@@ -113,11 +113,15 @@ class HashGradientTest : public testing::Test {
     field_.Refresh();
   }
 
-  void Train() {
+  void Train(int pixel_rays) {
     const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, map_, grid_);
     // Every sample counts, so that the twin needs no choice of its own.
-    const BatchPlan plan{
-        .seed = 3, .n_rays = kRays, .n_shards = 1, .early_stop_depth = 1e9f, .wave_samples = 4};
+    const BatchPlan plan{.seed = 3,
+                         .n_rays = kRays,
+                         .pixel_rays = pixel_rays,
+                         .n_shards = 1,
+                         .early_stop_depth = 1e9f,
+                         .wave_samples = 4};
     TrainShard(LoadDataset(scene_, 1),
                field_.grid(),
                std::get<HashNetwork<Real>>(field_.network()),
@@ -128,8 +132,8 @@ class HashGradientTest : public testing::Test {
                &result_);
   }
 
-  // Returns the loss; fills the gradients of table_ and weights_.
-  double TrainTwin() {
+  // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
+  double TrainTwin(int pixel_rays) {
     const Samples& samples = result_.samples;
     const std::vector<BatchRay>& rays = scratch_.batch.rays;
     std::vector<double> harmonics, deltas(scratch_.delta.begin(), scratch_.delta.begin() + samples.size());
@@ -144,14 +148,21 @@ class HashGradientTest : public testing::Test {
     const at::Tensor tau = outputs.sigma * Doubles(deltas);
     at::Tensor loss = torch::zeros({}, torch::kDouble);
     std::int64_t first = 0;
-    for (const BatchRay& ray : rays) {
+    at::Tensor pixel_colour, pixel_transmittance;
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      const BatchRay& ray = rays[r];
       const at::Tensor own = tau.narrow(0, first, ray.n_kept), depth = own.cumsum(0);
       const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
-      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept));
-      loss = loss + Loss(ray.target, colour, torch::exp(-own.sum()));
+      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / pixel_rays;
+      const at::Tensor transmittance = torch::exp(-own.sum()) / pixel_rays;
       first += ray.n_kept;
+      const bool begins = r % static_cast<std::size_t>(pixel_rays) == 0;
+      pixel_colour = begins ? colour : pixel_colour + colour;
+      pixel_transmittance = begins ? transmittance : pixel_transmittance + transmittance;
+      if ((r + 1) % static_cast<std::size_t>(pixel_rays) == 0)
+        loss = loss + Loss(ray.target, pixel_colour, pixel_transmittance);
     }
-    (loss / kRays).backward();
+    (loss * pixel_rays / kRays).backward();
     return loss.item<double>();
   }
 
@@ -190,13 +201,17 @@ using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashGradientTest, Reals);
 
 TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
-  this->Train();
-  ASSERT_TRUE(this->result_.finite);
-  ASSERT_GT(this->result_.samples.size(), 500);
-  const double loss = this->TrainTwin();
-  EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
-  EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
-  EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
+  for (const int pixel_rays : {1, 4}) {
+    SCOPED_TRACE(pixel_rays);
+    this->Train(pixel_rays);
+    ASSERT_TRUE(this->result_.finite);
+    ASSERT_GT(this->result_.samples.size(), 500);
+    this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
+    const double loss = this->TrainTwin(pixel_rays);
+    EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
+    EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
+    EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
+  }
 }
 
 }  // namespace

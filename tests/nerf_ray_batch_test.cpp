@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -28,6 +29,58 @@ std::vector<std::size_t> Kept(const BatchPlan& plan, const std::vector<float>& s
   });
   EXPECT_EQ(batch->rays[0].n_kept, static_cast<int>(kept.size()));
   return kept;
+}
+
+// A view of 4 x 4 pixels along -z from the origin, whose image plane is in pixels.
+Dataset OneView() {
+  io::Camera camera;
+  camera.width = camera.height = 4;
+  camera.fl_x = camera.fl_y = 1, camera.cx = camera.cy = 2;
+  Dataset dataset;
+  dataset.views.push_back({"view", RayCamera(camera, io::Rigid3d()), 4, 4, 0});
+  for (int p = 0; p < 16; ++p) dataset.pixels.insert(dataset.pixels.end(), 3, static_cast<std::uint8_t>(p));
+  return dataset;
+}
+
+// Where a ray meets the image plane, pixels.
+std::array<float, 2> ImagePoint(const Ray& ray) {
+  return {2 - ray.direction[0] / ray.direction[2], 2 + ray.direction[1] / ray.direction[2]};
+}
+
+TEST(DrawRays, RaysOfAPixelAreRandomInTheCellsOfItsLattice) {
+  const Dataset dataset = OneView();
+  const SpaceMap map{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, map);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, map, grid);
+  for (const int pixel_rays : {1, 4, 9}) {
+    const int side = pixel_rays == 9 ? 3 : pixel_rays == 4 ? 2 : 1, n_pixels = 100;
+    RayBatch batch;
+    std::vector<BatchRay> rays;
+    for (int shard = 0; shard < 3; ++shard) {
+      const BatchPlan plan{
+          .seed = 1, .n_rays = n_pixels * pixel_rays, .pixel_rays = pixel_rays, .n_shards = 3};
+      DrawRays(dataset, sampler, plan, shard, &batch);
+      ASSERT_EQ(batch.rays.size() % static_cast<std::size_t>(pixel_rays), 0u);
+      rays.insert(rays.end(), batch.rays.begin(), batch.rays.end());
+    }
+    ASSERT_EQ(rays.size(), static_cast<std::size_t>(n_pixels * pixel_rays));
+    double spread = 0;
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      EXPECT_EQ(rays[r].id, r);
+      const int pixel = static_cast<int>(std::lround(rays[r].target.premultiplied[0] * 255));
+      const auto [x, y] = ImagePoint(rays[r].ray);
+      const int k = static_cast<int>(r) % pixel_rays;
+      const float u = (x - static_cast<float>(pixel % 4)) * static_cast<float>(side) -
+                      static_cast<float>(k % side),
+                  v = (y - static_cast<float>(pixel / 4)) * static_cast<float>(side) -
+                      static_cast<float>(k / side);
+      EXPECT_TRUE(u > -1e-4f && u < 1.0001f && v > -1e-4f && v < 1.0001f)
+          << pixel_rays << ": " << u << " " << v;
+      spread += std::fabs(double{u} - 0.5) + std::fabs(double{v} - 0.5);
+    }
+    spread /= 2.0 * static_cast<double>(rays.size());
+    EXPECT_NEAR(spread, pixel_rays == 1 ? 0 : 0.25, 0.03) << "one ray is in the centre, several are random";
+  }
 }
 
 TEST(EndWave, DropsWhatCarriesLessWeightThanTheLeast) {

@@ -66,6 +66,38 @@ TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
   EXPECT_GT(stopped, 0.5f * kEarlyStopTransmittance) << "the wave after the stop was still followed";
 }
 
+// Seen from a corner of the cube, pixels are means over rays of different lengths through fog.
+TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
+  Fill();
+  io::Camera camera;
+  camera.width = camera.height = 2;
+  camera.fl_x = camera.fl_y = 1, camera.cx = camera.cy = 1;
+  io::Rigid3d world_from_cam;
+  world_from_cam.translation = {48, 48, -47};
+  const RayCamera ray_camera(camera, world_from_cam);
+  const std::vector<CameraPixel> pixels = {{&ray_camera, 0, 0}, {&ray_camera, 1, 1}};
+  Workers workers(1);
+  for (const int n : {1, 4}) {
+    fog_.pixel_rays = n;
+    const std::vector<RenderedRay> rendered = RenderPixels(fog_, pixels, 1.f, &workers);
+    ASSERT_EQ(rendered.size(), pixels.size());
+    for (std::size_t p = 0; p < pixels.size(); ++p) {
+      double transmittance = 0, depth = 0, red = 0;
+      for (const float dy : n == 1 ? std::vector<float>{0} : std::vector<float>{-0.25f, 0.25f}) {
+        for (const float dx : n == 1 ? std::vector<float>{0} : std::vector<float>{-0.25f, 0.25f}) {
+          const RenderedRay ray = RenderAlong(ray_camera.RayThrough(pixels[p].x, pixels[p].y, dx, dy));
+          transmittance += ray.transmittance / n, depth += ray.depth / n, red += ray.rgb[0] / n;
+        }
+      }
+      EXPECT_NEAR(rendered[p].transmittance, transmittance, 1e-6);
+      EXPECT_NEAR(rendered[p].depth, depth, 1e-5 * depth);
+      EXPECT_NEAR(rendered[p].rgb[0], red, 1e-6);
+      EXPECT_GT(transmittance, 0.01);
+      EXPECT_LT(transmittance, 0.99);
+    }
+  }
+}
+
 // A ray through a unit of fog in 500 samples of less weight than any that gets a colour alone.
 TEST_F(RayRenderer, ManySamplesOfLittleWeightKeepTheirColour) {
   Fill();
