@@ -82,7 +82,8 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
                                   .log2_hashmap_size = Get(path, config, "log2_hashmap_size", 1, 24),
                                   .base_resolution = Get(path, config, "base_resolution", 1, 1024),
                                   .finest_resolution = Get(path, config, "finest_resolution", 1, 1 << 20),
-                                  .bf16 = Get(path, config, "bf16_table", 0, 1) == 1},
+                                  .bf16 = Get(path, config, "bf16_table", 0, 1) == 1,
+                                  .momentum = Get(path, config, "momentum", 0, 1) == 1},
                          .bf16_network = Get(path, config, "bf16_network", 0, 1) == 1},
         0);
   }

@@ -33,6 +33,7 @@ HashGrid::HashGrid(const HashGridOptions& options, std::uint64_t seed)
   for (std::size_t i = 0; i < table_.size(); ++i) {
     table_[i] = kTableInit * (2.f * Random(seed, Stream::kInit, 0, i).Uniform() - 1.f);
   }
+  if (options.momentum) m_.assign(table_.size(), 0.f);
   v_.assign(n_entries, 0.f);
   if (options.bf16) rounded_.resize(table_.size());
   Refresh();
@@ -76,6 +77,7 @@ void HashGrid::Step(int level, const kernels::AdamStep& step, float* gradients) 
   kernels_.step_entries(step,
                         l.n_entries,
                         gradients,
+                        options_.momentum ? &m_[first] : nullptr,
                         &v_[l.first_entry],
                         &table_[first],
                         options_.bf16 ? &rounded_[first] : nullptr);
@@ -87,7 +89,7 @@ std::size_t HashGrid::gradient_size() const {
   return size;
 }
 
-std::vector<Tensor> HashGrid::State() { return {{"table", &table_}, {"table_v", &v_}}; }
+std::vector<Tensor> HashGrid::State() { return {{"table", &table_}, {"table_m", &m_}, {"table_v", &v_}}; }
 
 template void HashGrid::Encode(const Samples&, int, int, float*) const;
 template void HashGrid::Encode(const Samples&, int, int, kernels::Bf16*) const;

@@ -16,7 +16,8 @@ struct HashGridOptions {
   int log2_hashmap_size = 18;  // entries of a hashed level
   int base_resolution = 16;    // cells per axis of the coarsest level
   int finest_resolution = 512;
-  bool bf16 = false;  // look-ups read bfloat16
+  bool bf16 = false;      // look-ups read bfloat16
+  bool momentum = false;  // of the optimiser: slower to learn and to compute at first, better in the end
 };
 
 class HashGrid {
@@ -49,7 +50,7 @@ class HashGrid {
   HashGridOptions options_;
   const kernels::Kernels& kernels_;
   std::vector<kernels::GridLevel> levels_;
-  std::vector<float> table_, v_;        // [entries][kFeatures], [entries]
+  std::vector<float> table_, m_, v_;    // [entries][kFeatures], the same or empty, [entries]
   std::vector<kernels::Bf16> rounded_;  // of table_; empty unless options_.bf16
 };
 

@@ -10,7 +10,8 @@ namespace nerf {
 struct TrainingSchedule {
   int log2_hashmap_size = 17;
   double finest_cell_pixels = 0.9;  // side of the finest grid cells, in pixel footprints
-  double learning_rate = 1e-2;      // of Adam, held for a share of the run ...
+  bool momentum = true;             // of Adam in the tables; without, short runs learn faster
+  double learning_rate = 1e-2;      // held for a share of the run ...
   double hold = 0.6;
   double last_rate = 0.02;  // ... before it falls exponentially to this share
   // Sampling intervals start longer than the field's own, for more rays with the same samples, and shrink

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "nerf/kernels/adam_reference.h"
 #include "nerf/kernels/reference.h"
 #include "nerf/random.h"
 

@@ -52,8 +52,9 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   options.learning_rate = 0.125;
   EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 12);
   const std::string text = ScheduleOf(options).Text();
-  EXPECT_NE(text.find("tables of 2^12 entries, finest cells of 0.9 pixels; rate 0.125 for 60 %"),
-            std::string::npos)
+  EXPECT_NE(
+      text.find("tables of 2^12 entries, finest cells of 0.9 pixels; with momentum; rate 0.125 for 60 %"),
+      std::string::npos)
       << text;
 }
 

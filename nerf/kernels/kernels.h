@@ -1,6 +1,6 @@
-// The inner loops of the `hash` field, as plain functions on raw arrays, in three builds of one source
-// (portable, AVX2, AVX-512, AVX-512 with bfloat16) chosen at run time. Every function has a plain twin in
-// kernels/reference.h that tests compare it with.
+// The inner loops of the `hash` field, as plain functions on raw arrays, in four builds of one source
+// (portable, AVX2, AVX-512, AVX-512 with bfloat16) chosen at run time. Every function has a plain twin in a
+// *reference.h beside this file that tests compare it with.
 //
 // Layout: matrices are row-major with one row per sample. Widths (k, m) are multiples of 16 unless stated;
 // arrays need no particular alignment; the caller owns all memory; in- and outputs do not overlap unless
@@ -116,23 +116,26 @@ struct Kernels {
   // Adam [Kingma & Ba 2015] on the elements whose gradient is not zero; gradients are cleared.
   void (*adam)(const AdamStep& step, std::size_t n, float* gradients, float* m, float* v, float* values);
 
-  // For the entries [n][kFeatures] of a table: without momentum (beta1 = 0), and with one second moment v[n]
-  // per entry, of the mean square g^2 of its features' gradients, that starts as the first (no correction is
-  // due, and an entry's first step is no longer than others'):
-  //   v = v == 0 ? g^2 : beta2 v + (1 - beta2) g^2      value -= learning_rate g / (sqrt(v) + epsilon)
-  // Entries without gradient keep every bit. `rounded`, unless null, is a copy of the values kept in step.
-  void (*step_entries)(
-      const AdamStep& step, std::size_t n, float* gradients, float* v, float* values, Bf16* rounded);
+  // For the entries [n][kFeatures] of a table: Adam with one second moment v[n] per entry, of the mean square
+  // of its features' gradients, and without momentum where m is null: no step is then longer than
+  // learning_rate sqrt(kFeatures / (1 - beta2)), which an entry's first one reaches late in a run. Entries
+  // without gradient keep every bit. `rounded`, unless null, is a copy of the values kept in step.
+  void (*step_entries)(const AdamStep& step,
+                       std::size_t n,
+                       float* gradients,
+                       float* m,
+                       float* v,
+                       float* values,
+                       Bf16* rounded);
 
   MarchFunction march;
 
   template <typename Real>
   const NetworkKernels<Real>& Network() const {
-    if constexpr (sizeof(Real) == sizeof(float)) {
+    if constexpr (sizeof(Real) == sizeof(float))
       return fp32;
-    } else {
+    else
       return bf16;
-    }
   }
 };
 
