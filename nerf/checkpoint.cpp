@@ -83,7 +83,7 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
                                   .base_resolution = Get(path, config, "base_resolution", 1, 1024),
                                   .finest_resolution = Get(path, config, "finest_resolution", 1, 1 << 20),
                                   .bf16 = Get(path, config, "bf16_table", 0, 1) == 1,
-                                  .momentum = Get(path, config, "momentum", 0, 1) == 1},
+                                  .entry_moments = Get(path, config, "entry_moments", 0, 1) == 1},
                          .bf16_network = Get(path, config, "bf16_network", 0, 1) == 1},
         0);
   }

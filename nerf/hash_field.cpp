@@ -112,7 +112,7 @@ FieldConfig HashField::Config() const {
           {"base_resolution", grid.base_resolution},
           {"finest_resolution", grid.finest_resolution},
           {"bf16_table", grid.bf16},
-          {"momentum", grid.momentum},
+          {"entry_moments", grid.entry_moments},
           {"bf16_network", network_.index() == 1}};
 }
 

@@ -33,8 +33,8 @@ HashGrid::HashGrid(const HashGridOptions& options, std::uint64_t seed)
   for (std::size_t i = 0; i < table_.size(); ++i) {
     table_[i] = kTableInit * (2.f * Random(seed, Stream::kInit, 0, i).Uniform() - 1.f);
   }
-  if (options.momentum) m_.assign(table_.size(), 0.f);
-  v_.assign(n_entries, 0.f);
+  m_.assign(options.entry_moments ? 0 : table_.size(), 0.f);
+  v_.assign(options.entry_moments ? n_entries : table_.size(), 0.f);
   if (options.bf16) rounded_.resize(table_.size());
   Refresh();
 }
@@ -74,13 +74,13 @@ void HashGrid::Scatter(
 void HashGrid::Step(int level, const kernels::AdamStep& step, float* gradients) {
   const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
   const std::size_t first = l.first_entry * kernels::kFeatures;
-  kernels_.step_entries(step,
-                        l.n_entries,
-                        gradients,
-                        options_.momentum ? &m_[first] : nullptr,
-                        &v_[l.first_entry],
-                        &table_[first],
-                        options_.bf16 ? &rounded_[first] : nullptr);
+  kernels::Bf16* rounded = options_.bf16 ? &rounded_[first] : nullptr;
+  if (options_.entry_moments) {
+    kernels_.step_entries(step, l.n_entries, gradients, &v_[l.first_entry], &table_[first], rounded);
+  } else {
+    kernels_.adam(
+        step, l.n_entries * kernels::kFeatures, gradients, &m_[first], &v_[first], &table_[first], rounded);
+  }
 }
 
 std::size_t HashGrid::gradient_size() const {

@@ -16,8 +16,10 @@ struct HashGridOptions {
   int log2_hashmap_size = 18;  // entries of a hashed level
   int base_resolution = 16;    // cells per axis of the coarsest level
   int finest_resolution = 512;
-  bool bf16 = false;      // look-ups read bfloat16
-  bool momentum = false;  // of the optimiser: slower to learn and to compute at first, better in the end
+  bool bf16 = false;  // look-ups read bfloat16
+  // The optimiser keeps one second moment per entry and no momentum, not Adam's two moments per value: learns
+  // faster at first, and less well in the end.
+  bool entry_moments = false;
 };
 
 class HashGrid {
@@ -50,7 +52,8 @@ class HashGrid {
   HashGridOptions options_;
   const kernels::Kernels& kernels_;
   std::vector<kernels::GridLevel> levels_;
-  std::vector<float> table_, m_, v_;    // [entries][kFeatures], the same or empty, [entries]
+  std::vector<float> table_;            // [entries][kFeatures]
+  std::vector<float> m_, v_;            // the same, or empty and [entries]
   std::vector<kernels::Bf16> rounded_;  // of table_; empty unless options_.bf16
 };
 

@@ -170,7 +170,8 @@ void HashNetwork<Real>::Backward(const float* logit_gradients,
 
 template <typename Real>
 void HashNetwork<Real>::Step(const kernels::AdamStep& step, float* weight_gradients) {
-  kernels_.adam(step, kWeights, weight_gradients, weights_m_.data(), weights_v_.data(), weights_.data());
+  kernels_.adam(
+      step, kWeights, weight_gradients, weights_m_.data(), weights_v_.data(), weights_.data(), nullptr);
   Refresh();
 }
 

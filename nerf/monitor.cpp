@@ -34,7 +34,8 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
 
 double HeldoutMonitor::Psnr(const SceneField& scene_field, Workers* workers) const {
   if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const std::vector<RenderedRay> rendered = RenderPixels(scene_field, pixels_, 1.f, workers);
+  const std::vector<RenderedRay> rendered =
+      RenderPixels(scene_field, pixels_, scene_field.pixel_rays, 1.f, workers);
   double sum = 0;
   for (std::size_t i = 0; i < rendered.size(); ++i) {
     for (std::size_t j = 0; j < 3; ++j) {

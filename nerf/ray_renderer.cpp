@@ -195,13 +195,14 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
 
 std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       std::span<const CameraPixel> pixels,
+                                      int pixel_rays,
                                       float step_scale,
                                       Workers* workers) {
-  const auto n = static_cast<std::size_t>(scene_field.pixel_rays);
+  const auto n = static_cast<std::size_t>(pixel_rays);
   std::vector<Ray> rays(pixels.size() * n);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const CameraPixel& pixel = pixels[i / n];
-    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), scene_field.pixel_rays);
+    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), pixel_rays);
     rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
   }
   const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, step_scale, workers);

@@ -31,9 +31,11 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     float step_scale,
                                     Workers* workers);
 
-// Means over the scene_field.pixel_rays rays of each pixel, through the centres of its cells.
+// Means over pixel_rays rays of each pixel, a square number, through the centres of its cells. Their number
+// in training, scene_field.pixel_rays, serves best.
 std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       std::span<const CameraPixel> pixels,
+                                      int pixel_rays,
                                       float step_scale,
                                       Workers* workers);
 

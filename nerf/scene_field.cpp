@@ -135,7 +135,7 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
     HashFieldOptions hash_options = {.bf16_network = options.bf16_network};
     HashGridOptions& hash = hash_options.grid;
     hash.bf16 = options.bf16_table;
-    hash.momentum = options.momentum;
+    hash.entry_moments = options.entry_moments;
     hash.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
     const double cells = map.InnerSide() / (options.finest_cell_pixels * footprint);
     hash.finest_resolution = options.finest_resolution ? options.finest_resolution

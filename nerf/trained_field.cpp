@@ -23,11 +23,13 @@ class CheckpointTrainedField : public TrainedField {
     const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
     Workers workers(options.threads);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
+    const int pixel_rays = options.pixel_rays > 0 ? options.pixel_rays : scene_field_->pixel_rays;
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
       if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
-      for (const RenderedRay& ray : RenderPixels(*scene_field_, band, options.step_scale, &workers)) {
+      for (const RenderedRay& ray :
+           RenderPixels(*scene_field_, band, pixel_rays, options.step_scale, &workers)) {
         for (std::size_t j = 0; j < 3; ++j) {
           const float background = state_.channels == 4 ? options.background[j] : kUnseenGrey;
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background, 0.f, 1.f));

@@ -105,7 +105,7 @@ void Trainer::MakeField() {
   SceneFieldOptions field = options_.field;
   field.log2_hashmap_size = schedule.log2_hashmap_size;
   field.finest_cell_pixels = schedule.finest_cell_pixels;
-  field.momentum = schedule.momentum;
+  field.entry_moments = schedule.entry_moments;
   scene_field_ = MakeSceneField(scene_, dataset_, field, state_.seed, &workers_, &report_.derivation);
   if (field.field == "hash") report_.events.push_back("schedule for this budget: " + schedule.Text());
   MakeTraining();

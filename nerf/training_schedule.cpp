@@ -21,21 +21,21 @@ std::string TrainingSchedule::Text() const {
   if (pixel_rays_from < 1)
     std::snprintf(
         pixels, sizeof pixels, "; %d rays per pixel from %.0f %% on", pixel_rays, 100 * pixel_rays_from);
-  std::snprintf(
-      text,
-      sizeof text,
-      "tables of 2^%d entries, finest cells of %g pixels; %s momentum; rate %g for %.0f %% of the run, then "
-      "falling to %g; intervals %g times as long at first, %g after %.0f %%%s",
-      log2_hashmap_size,
-      finest_cell_pixels,
-      momentum ? "with" : "without",
-      learning_rate,
-      100 * hold,
-      learning_rate * last_rate,
-      first_step_scale,
-      last_step_scale,
-      100 * step_scale_share,
-      pixels);
+  std::snprintf(text,
+                sizeof text,
+                "tables of 2^%d entries, finest cells of %g pixels; moments per %s; rate %g for %.0f %% of "
+                "the run, then "
+                "falling to %g; intervals %g times as long at first, %g after %.0f %%%s",
+                log2_hashmap_size,
+                finest_cell_pixels,
+                entry_moments ? "entry" : "value",
+                learning_rate,
+                100 * hold,
+                learning_rate * last_rate,
+                first_step_scale,
+                last_step_scale,
+                100 * step_scale_share,
+                pixels);
   return text;
 }
 
@@ -44,15 +44,15 @@ TrainingSchedule ScheduleFor(double n_samples) {
   if (n_samples < 30e6) {
     schedule = {.log2_hashmap_size = n_samples < 8e6 ? 15 : 16,
                 .finest_cell_pixels = 2,
-                .momentum = false,
+                .entry_moments = true,
                 .learning_rate = 2e-2,
                 .hold = 0.8,
                 .last_rate = 0.1,
                 .last_step_scale = 1.5,
-                .step_scale_share = 0.8};
+                .step_scale_share = 0.8,
+                .pixel_rays_from = 1};
   } else if (n_samples > 250e6) {
     schedule.log2_hashmap_size = 18;
-    schedule.pixel_rays_from = 0.5;
   }
   return schedule;
 }

@@ -10,8 +10,8 @@ namespace nerf {
 struct TrainingSchedule {
   int log2_hashmap_size = 17;
   double finest_cell_pixels = 0.9;  // side of the finest grid cells, in pixel footprints
-  bool momentum = true;             // of Adam in the tables; without, short runs learn faster
-  double learning_rate = 1e-2;      // held for a share of the run ...
+  bool entry_moments = false;  // of the tables' optimiser, see hash_grid.h: short runs learn faster with them
+  double learning_rate = 1e-2;  // held for a share of the run ...
   double hold = 0.6;
   double last_rate = 0.02;  // ... before it falls exponentially to this share
   // Sampling intervals start longer than the field's own, for more rays with the same samples, and shrink
@@ -20,7 +20,7 @@ struct TrainingSchedule {
   // From this share of the run on, pixels of bounded scenes are the means of several rays, as in the camera:
   // edges may then be sharper than a pixel. 1: never.
   int pixel_rays = 4;
-  double pixel_rays_from = 1;
+  double pixel_rays_from = 0.7;
 
   // At progress in [0, 1].
   double LearningRate(double progress) const;

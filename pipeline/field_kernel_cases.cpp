@@ -213,7 +213,6 @@ void CaseList::AddEntries(const char* name, const std::vector<float>& gradients)
       kernel(step,
              n / kernels::kFeatures,
              data->step_gradient.data(),
-             nullptr,
              data->v.data(),
              data->values.data(),
              rounded ? data->step_rounded.data() : nullptr);

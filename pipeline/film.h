@@ -17,6 +17,7 @@ struct FilmOptions {
   double fps = 30;     // frames per second of the film
   int width = 0;       // pixels; 0: that of the training pictures. Rounded to even, as yuv420p needs
   bool depth = false;  // also depth.mp4: distance along the ray, near blue to far red
+  int pixel_rays = 0;  // see nerf::RenderOptions
   int threads = 1;
 };
 

@@ -107,6 +107,7 @@ TEST_P(KernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntries)
   const std::size_t n = 1003;
   Floats g, m(n), v(n), values = Uniform(n, 1);
   const Floats start = values;
+  std::vector<Bf16> rounded(n + 1, Bf16{0x7777});
   Doubles md(n), vd(n), exact = ToDouble(values);
   for (int t = 1; t <= 100; ++t) {
     AdamStep step{.learning_rate = 1e-2f};
@@ -116,7 +117,7 @@ TEST_P(KernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntries)
     for (std::size_t i = 0; i < n; i += 3) g[i] = 0;
     for (std::size_t i = 32; i < 96; ++i) g[i] = 0;
     Doubles gd = ToDouble(g);
-    kernels_->adam(step, n, g.data(), m.data(), v.data(), values.data());
+    kernels_->adam(step, n, g.data(), m.data(), v.data(), values.data(), rounded.data());
     reference::Adam(step, n, gd.data(), md.data(), vd.data(), exact.data());
     for (const float left : g) ASSERT_EQ(left, 0.f);
   }
@@ -124,8 +125,11 @@ TEST_P(KernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntries)
     ASSERT_NEAR(values[i], exact[i], 1e-5);
     if (i % 3 == 0 || (i >= 32 && i < 96)) {
       ASSERT_EQ(values[i], start[i]);
+    } else {
+      ASSERT_EQ(rounded[i], reference::Rounded(values[i])) << i;
     }
   }
+  ASSERT_EQ(rounded[n], Bf16{0x7777}) << "wrote past the end";
 }
 
 // N22
@@ -133,7 +137,7 @@ TEST_P(KernelsTest, AdamStepIsBoundedForVanishingGradients) {
   for (float g0 = 1e-3f; g0 > 1e-19f; g0 *= 0.1f) {
     AdamStep step{.learning_rate = 1e-2f, .correction1 = 10, .correction2 = 100};
     Floats g = {g0}, m = {0}, v = {0}, value = {0};
-    kernels_->adam(step, 1, g.data(), m.data(), v.data(), value.data());
+    kernels_->adam(step, 1, g.data(), m.data(), v.data(), value.data(), nullptr);
     ASSERT_TRUE(std::isfinite(value[0]));
     ASSERT_LE(std::fabs(value[0]), 1.01f * step.learning_rate) << g0;
   }

@@ -78,8 +78,7 @@ TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
   const std::vector<CameraPixel> pixels = {{&ray_camera, 0, 0}, {&ray_camera, 1, 1}};
   Workers workers(1);
   for (const int n : {1, 4}) {
-    fog_.pixel_rays = n;
-    const std::vector<RenderedRay> rendered = RenderPixels(fog_, pixels, 1.f, &workers);
+    const std::vector<RenderedRay> rendered = RenderPixels(fog_, pixels, n, 1.f, &workers);
     ASSERT_EQ(rendered.size(), pixels.size());
     for (std::size_t p = 0; p < pixels.size(); ++p) {
       double transmittance = 0, depth = 0, red = 0;

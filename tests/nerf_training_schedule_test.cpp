@@ -53,7 +53,7 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 12);
   const std::string text = ScheduleOf(options).Text();
   EXPECT_NE(
-      text.find("tables of 2^12 entries, finest cells of 0.9 pixels; with momentum; rate 0.125 for 60 %"),
+      text.find("tables of 2^12 entries, finest cells of 0.9 pixels; moments per value; rate 0.125 for 60 %"),
       std::string::npos)
       << text;
 }

@@ -23,8 +23,7 @@ void Adam(const AdamStep& step, std::size_t n, Scalar* gradients, Scalar* m, Sca
 }
 
 template <typename Scalar>
-void StepEntries(
-    const AdamStep& step, std::size_t n, Scalar* gradients, Scalar* m, Scalar* v, Scalar* values) {
+void StepEntries(const AdamStep& step, std::size_t n, Scalar* gradients, Scalar* v, Scalar* values) {
   for (std::size_t e = 0; e < n; ++e) {
     Scalar* g = gradients + e * kFeatures;
     Scalar mean_square = 0;
@@ -32,11 +31,8 @@ void StepEntries(
     if (mean_square != 0) {
       v[e] = Scalar(step.beta2) * v[e] + (1 - Scalar(step.beta2)) * mean_square;
       const Scalar root = std::sqrt(v[e] * Scalar(step.correction2)) + Scalar(step.epsilon);
-      for (std::size_t i = e * kFeatures; i < (e + 1) * kFeatures; ++i) {
-        if (m) m[i] = Scalar(step.beta1) * m[i] + (1 - Scalar(step.beta1)) * gradients[i];
-        const Scalar change = m ? m[i] * Scalar(step.correction1) : gradients[i];
-        values[i] -= Scalar(step.learning_rate) * change / root;
-      }
+      for (std::size_t f = 0; f < kFeatures; ++f)
+        values[e * kFeatures + f] -= Scalar(step.learning_rate) * g[f] / root;
     }
     std::fill_n(g, kFeatures, Scalar(0));
   }

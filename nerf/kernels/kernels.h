@@ -3,8 +3,7 @@
 // *reference.h beside this file that tests compare it with.
 //
 // Layout: matrices are row-major with one row per sample. Widths (k, m) are multiples of 16 unless stated;
-// arrays need no particular alignment; the caller owns all memory; in- and outputs do not overlap unless
-// stated.
+// arrays need no particular alignment; the caller owns all memory; in- and outputs do not overlap.
 //
 // Error bounds against exact arithmetic (swept in tests/nerf_kernels_test.cpp):
 //   exp: relative error <= 2.5e-7 for x in [-87, 88], e^-87 below (not denormal), e^88 above, NaN stays;
@@ -113,20 +112,20 @@ struct Kernels {
   void (*one_minus_exp_neg)(int n, float* values);
   void (*sigmoid)(int n, float* values);
 
-  // Adam [Kingma & Ba 2015] on the elements whose gradient is not zero; gradients are cleared.
-  void (*adam)(const AdamStep& step, std::size_t n, float* gradients, float* m, float* v, float* values);
-
-  // For the entries [n][kFeatures] of a table: Adam with one second moment v[n] per entry, of the mean square
-  // of its features' gradients, and without momentum where m is null: no step is then longer than
-  // learning_rate sqrt(kFeatures / (1 - beta2)), which an entry's first one reaches late in a run. Entries
-  // without gradient keep every bit. `rounded`, unless null, is a copy of the values kept in step.
-  void (*step_entries)(const AdamStep& step,
-                       std::size_t n,
-                       float* gradients,
-                       float* m,
-                       float* v,
-                       float* values,
-                       Bf16* rounded);
+  // Adam [Kingma & Ba 2015] on the elements whose gradient is not zero: others, which no ray has touched,
+  // keep every bit. Clears the gradients. `rounded`, unless null, is a copy of the values kept in step.
+  void (*adam)(const AdamStep& step,
+               std::size_t n,
+               float* gradients,
+               float* m,
+               float* v,
+               float* values,
+               Bf16* rounded);
+  // The same for entries [n][kFeatures] of a table, without momentum and with one second moment v[n] per
+  // entry, of the mean square of its features' gradients. No step is longer than learning_rate sqrt(kFeatures
+  // / (1 - beta2)), which an entry's first one reaches late in a run.
+  void (*step_entries)(
+      const AdamStep& step, std::size_t n, float* gradients, float* v, float* values, Bf16* rounded);
 
   MarchFunction march;
 
@@ -139,12 +138,10 @@ struct Kernels {
   }
 };
 
-// The fastest build this CPU runs; PIPELINE_SIMD=portable|avx2|avx512|avx512bf16 lowers the choice (for tests
-// and comparisons).
+// The fastest build this CPU runs; PIPELINE_SIMD=portable|avx2|avx512|avx512bf16 lowers the choice.
 const Kernels& ActiveKernels();
 
-// nullptr when this CPU, or this build of the program, lacks it. name: "portable", "avx2", "avx512",
-// "avx512bf16".
+// nullptr when this CPU, or this build of the program, lacks it.
 const Kernels* FindKernels(const char* name);
 
 // Whether the active build multiplies bfloat16 in hardware; else it widens them, which costs time.
