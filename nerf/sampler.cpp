@@ -53,12 +53,12 @@ void Sampler::March(float step_scale, int max_samples, MarchingRays* rays, Sampl
                                  max_samples,
                                  rays->t.data(),
                                  rays->count.data(),
-                                 {&samples->t[first],
-                                  &samples->delta[first],
-                                  &samples->x[first],
-                                  &samples->y[first],
-                                  &samples->z[first],
-                                  &samples->cell[first]});
+                                 {samples->t.data() + first,
+                                  samples->delta.data() + first,
+                                  samples->x.data() + first,
+                                  samples->y.data() + first,
+                                  samples->z.data() + first,
+                                  samples->cell.data() + first});
   std::size_t to = first;
   for (std::size_t ray = 0; ray < n; ++ray) {
     const std::size_t from = first + ray * most, count = static_cast<std::size_t>(rays->count[ray]);

@@ -51,7 +51,7 @@ TrainingSchedule ScheduleFor(double n_samples) {
                 .last_step_scale = 1.5,
                 .step_scale_share = 0.8,
                 .pixel_rays_from = 1};
-  } else if (n_samples > 250e6) {
+  } else if (n_samples > 160e6) {
     schedule.log2_hashmap_size = 18;
   }
   return schedule;
