@@ -66,8 +66,7 @@ class HashTraining : public FieldTraining {
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   // Photographs gain nothing from it: their lenses and processing have blurred edges over more than a pixel.
-  if (!scene_field_->map.unbounded && schedule_.PixelRays(progress) > 1)
-    scene_field_->pixel_rays = schedule_.pixel_rays;
+  scene_field_->pixel_rays = scene_field_->map.unbounded ? 1 : schedule_.PixelRays(progress);
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
   plan.pixel_rays = scene_field_->pixel_rays;
   plan.n_rays = std::max(1, state->n_rays / plan.pixel_rays) * plan.pixel_rays;

@@ -126,7 +126,8 @@ TEST(HashTraining, ResumeContinuesBitForBit) {
   options.field.log2_hashmap_size = 12;
   options.field.finest_resolution = 64;
   options.field.grid_resolution = 64;
-  options.schedule = TrainingSchedule{.hold = 1, .first_step_scale = 1};  // independent of `steps`
+  options.schedule =
+      TrainingSchedule{.hold = 1, .first_step_scale = 1, .pixel_rays_from = 1};  // independent of `steps`
   for (const auto& [folder, steps] : {std::pair("straight", 45), {"cut", 37}, {"cut", 45}}) {
     options.steps = steps;
     std::filesystem::create_directories(dir / folder);

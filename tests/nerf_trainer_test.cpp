@@ -98,7 +98,7 @@ TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   whole.field.bf16_table = whole.field.bf16_network = true;
   TrainOptions part = whole;
   // Independent of `steps`.
-  part.schedule = whole.schedule = TrainingSchedule{.hold = 1, .first_step_scale = 1};
+  part.schedule = whole.schedule = TrainingSchedule{.hold = 1, .first_step_scale = 1, .pixel_rays_from = 0};
   part.steps = 25;
   const auto straight = dir.path() / "straight", resumed = dir.path() / "resumed";
   std::filesystem::create_directories(straight);
