@@ -52,8 +52,11 @@ class CaseList {
     AddElementary("exp", kernels_.exp, kRows, 21);
     AddElementary("one_minus_exp_neg", kernels_.one_minus_exp_neg, kRows, 37);
     AddElementary("sigmoid", kernels_.sigmoid, 3 * kRows, 23);
-    AddEntries("step_entries", data_->dense);
-    AddEntries("step_entries, 10 % touched", data_->sparse);
+    for (const bool per_entry : {false, true}) {
+      const std::string name = per_entry ? "step_entries" : "adam";
+      AddOptimiser(name, per_entry, data_->dense);
+      AddOptimiser(name + ", 10 % touched", per_entry, data_->sparse);
+    }
     return std::move(cases_);
   }
 
@@ -90,7 +93,7 @@ class CaseList {
   template <typename Real>
   void AddHead(const std::shared_ptr<LayerData<Real>>& rows);
   void AddElementary(const char* name, void (*kernel)(int, float*), int n, double operations);
-  void AddEntries(const char* name, const std::vector<float>& gradients);
+  void AddOptimiser(const std::string& name, bool per_entry, const std::vector<float>& gradients);
 
   const std::string build_;
   const kernels::Kernels& kernels_;
@@ -188,34 +191,36 @@ void CaseList::AddElementary(const char* name, void (*kernel)(int, float*), int 
 }
 
 // Bytes that a step must move: every gradient, and for 64-byte lines of them that hold one which is not zero
-// the cleared gradients, values and second moments there and back, and the rounded copy.
-double EntryBytes(const std::vector<float>& gradients, bool rounded) {
+// the cleared gradients, values and moments there and back, and the rounded copy.
+double OptimiserBytes(const std::vector<float>& gradients, bool per_entry, bool rounded) {
   constexpr std::size_t kLine = 16;
+  const double moments = per_entry ? 16 : 2 * 64, touched = 64 + 2 * (64 + moments) + (rounded ? 32 : 0);
   double bytes = 0;
   for (std::size_t i = 0; i + kLine <= gradients.size(); i += kLine) {
     const bool is_touched = std::any_of(&gradients[i], &gradients[i] + kLine, [](float g) { return g != 0; });
-    bytes += 64 + (is_touched ? 64 + 2 * (64 + 16) + (rounded ? 32 : 0) : 0);
+    bytes += 64 + (is_touched ? touched : 0);
   }
   return bytes;
 }
 
-void CaseList::AddEntries(const char* name, const std::vector<float>& gradients) {
+void CaseList::AddOptimiser(const std::string& name, bool per_entry, const std::vector<float>& gradients) {
   const kernels::AdamStep step{.learning_rate = 1e-2f, .correction1 = 10, .correction2 = 100};
   const std::size_t n = gradients.size();
   for (const bool rounded : {false, true}) {
     KernelCase& c = Add(name, rounded ? "bf16" : "fp32", "element", static_cast<double>(n));
     c.unit = "GB/s";
-    c.work = EntryBytes(gradients, rounded);
+    c.work = OptimiserBytes(gradients, per_entry, rounded);
     const std::string size = std::to_string(4 * n * sizeof(float) >> 20) + "MiB";
     c.limit = KernelCase{.build = kAnyBuild, .kernel = kStreamUpdate, .format = size}.Name();
     c.prepare = [data = data_, &gradients] { data->step_gradient = gradients; };
-    c.run = [=, data = data_, kernel = kernels_.step_entries] {
-      kernel(step,
-             n / kernels::kFeatures,
-             data->step_gradient.data(),
-             data->v.data(),
-             data->values.data(),
-             rounded ? data->step_rounded.data() : nullptr);
+    c.run = [=, data = data_, all = kernels_] {
+      float *g = data->step_gradient.data(), *v = data->v.data(), *values = data->values.data();
+      kernels::Bf16* copy = rounded ? data->step_rounded.data() : nullptr;
+      if (per_entry) {
+        all.step_entries(step, n / kernels::kFeatures, g, v, values, copy);
+      } else {
+        all.adam(step, n, g, data->m.data(), v, values, copy);
+      }
     };
   }
 }

@@ -31,7 +31,7 @@ struct KernelData {
   std::vector<float> table, gradient;  // of the largest level
   std::vector<nerf::kernels::Bf16> rounded;
   std::vector<float> dense, sparse;  // gradients that the optimiser gets
-  std::vector<float> step_gradient, v, values;
+  std::vector<float> step_gradient, m, v, values;
   std::vector<nerf::kernels::Bf16> step_rounded;
   std::vector<float> stream;        // larger than the caches
   std::vector<float> sums;          // of the arithmetic probes

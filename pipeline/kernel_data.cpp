@@ -52,7 +52,7 @@ KernelData::KernelData() {
   for (std::size_t i = 0; i < kStep; ++i) {
     if (nerf::Random(3, nerf::Stream::kInit, 0, i / kernels::kFeatures).Below(kTouched) != 0) sparse[i] = 0;
   }
-  step_gradient.assign(kStep, 0.f), v.assign(kStep / kernels::kFeatures, 0.f);
+  step_gradient.assign(kStep, 0.f), m = v = step_gradient;
   values = Filled(kStep, 4, -1, 1);
   step_rounded.resize(kStep);
   stream.assign(kStreamFloats, 1.f);
