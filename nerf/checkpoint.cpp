@@ -174,7 +174,9 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->channels = Get(path, t, "channels", 3, 4);
 
   auto scene_field = std::make_unique<SceneField>(map, sampling, MakeField(path, header), grid_resolution);
-  scene_field->pixel_rays = Get(path, header, "pixel_rays", 1, 16);
+  const int pixel_rays = Get(path, header, "pixel_rays", 1, 16);
+  if (!IsPixelRays(pixel_rays)) Reject(path, "header value of pixel_rays is not a square number");
+  scene_field->pixel_rays = pixel_rays;
   std::size_t index = 0;
   const std::vector<Entry> entries = Entries(scene_field.get());
   if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())

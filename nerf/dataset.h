@@ -37,6 +37,8 @@ struct PixelCell {
   float Dy(float v) const { return (static_cast<float>(row) + v) * side - 0.5f; }
 };
 PixelCell CellOfPixel(int index, int n_cells);
+// Whether a pixel can be cut into so many cells: 1, 4, 9 or 16.
+inline bool IsPixelRays(int n) { return n == 1 || n == 4 || n == 9 || n == 16; }
 
 struct View {
   std::string name;

@@ -65,7 +65,7 @@ class HashTraining : public FieldTraining {
 
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  // Photographs gain nothing from it: their lenses and processing have blurred edges over more than a pixel.
+  // In unbounded scenes, which are photographs, several rays per pixel gained nothing (nerf/README.md).
   scene_field_->pixel_rays = scene_field_->map.unbounded ? 1 : schedule_.PixelRays(progress);
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
   plan.pixel_rays = scene_field_->pixel_rays;

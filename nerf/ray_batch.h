@@ -17,9 +17,9 @@ namespace nerf {
 
 struct BatchPlan {
   std::uint64_t seed = 0, step = 0;
-  int n_rays = 0;  // of the whole batch, a multiple of ...
-  int pixel_rays =
-      1;  // ... those of a pixel, which follow one another: random in the cells of a square lattice
+  int n_rays = 0;  // of the whole batch, a multiple of pixel_rays
+  // Rays of a pixel, a square number; they follow one another, random in the cells of a square lattice.
+  int pixel_rays = 1;
   int n_shards = 16;
   float step_scale = 1;  // of the sampler's intervals
   // Optical depth at which a ray ends; the light left over counts as background.

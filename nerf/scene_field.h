@@ -39,7 +39,7 @@ struct SceneFieldOptions {
   int log2_hashmap_size = 0;
   int finest_resolution = 0;
   double finest_cell_pixels = 0.9;
-  bool entry_moments = false;
+  bool entry_moments = false;  // of the tables' optimiser, see hash_grid.h
   int grid_resolution = 0;
   // `hash`: tables looked up, and products computed, in bfloat16.
   bool bf16_table = false, bf16_network = false;

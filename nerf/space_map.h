@@ -3,8 +3,7 @@
 // Bounded scenes: the cube around the region of interest maps linearly. Unbounded scenes: with y = (x -
 // centre) / half and m = max |y_i|, the inner cube m <= 1 maps linearly to the middle half, and everything
 // outside by the contraction y (2 - 1/m) / m [Barron et al. 2022 with the maximum norm, as in Reiser et al.
-// 2023], so that infinity lies on the faces. The contraction never moves a ray faster, in the maximum norm,
-// than `MaxSpeed`.
+// 2023], so that infinity lies on the faces. How fast it moves a ray: kernels/march_reference.h.
 #pragma once
 
 #include <algorithm>
@@ -53,16 +52,6 @@ struct SpaceMap {
     }
     const float scale = unbounded && m > 1.f ? 1.f / (m * (2.f - m)) : 1.f;
     for (int i = 0; i < 3; ++i) x[i] = y[i] * scale * half + centre[static_cast<std::size_t>(i)];
-  }
-
-  // Bound on |d unit| / dt (maximum norm) along a unit-speed ray from a point with the given reach on;
-  // `outwards`: the reach grows from here on. Outside the inner cube the bound is (4 m - 3) / m^2 of the
-  // inner speed, at most 4/3 and falling for m >= 1.5.
-  float MaxSpeed(float reach, bool outwards) const {
-    const float inner = 1.f / InnerSide();
-    if (!unbounded) return inner;
-    if (!outwards || reach < 1.5f) return inner * (4.f / 3.f);
-    return inner * (4.f * reach - 3.f) / (reach * reach);
   }
 };
 

@@ -16,7 +16,7 @@ struct RenderOptions {
   // Sampling interval, as a share of the one in training. Half of it is worth 0.2 to 0.7 dB for twice the
   // samples.
   float step_scale = 0.5f;
-  // Rays per pixel, a square number; 0: as the field was trained, which fewer are only faster than.
+  // Rays per pixel: 1, 4, 9, 16, or 0: as the field was trained. Fewer are faster, and jagged.
   int pixel_rays = 0;
   // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
   // background is free. Captures have learned their background.

@@ -2,6 +2,7 @@
 
 #include "io/error.h"
 #include "io/transforms.h"
+#include "nerf/dataset.h"
 #include "pipeline/film.h"
 #include "pipeline/stage.h"
 #include "pipeline/stages.h"
@@ -50,10 +51,9 @@ int RunRender(int argc, const char* const* argv) {
     bound.Add("fps", &options.fps, "frames per second of the film");
     bound.Add("size", &options.width, "width in pixels; 0 = that of the training pictures");
     bound.Add("depth", &options.depth, "also write depth.mp4");
-    bound.Add(
-        "pixel-rays",
-        &options.pixel_rays,
-        "rays per pixel: 1, 4, 9 or 16; 0 = as in training; 1 is fastest, and jagged where training had 4");
+    bound.Add("pixel-rays",
+              &options.pixel_rays,
+              "rays per pixel: 1, 4, 9 or 16; 0 = as in training; fewer are faster, and jagged");
     if (!bound.Parse(argc, argv)) return;
     const auto require = [](bool holds, const char* text) {
       if (!holds) throw io::Error(io::ExitCode::kUsage, text);
@@ -61,8 +61,7 @@ int RunRender(int argc, const char* const* argv) {
     require(options.frames >= 2 && options.frames <= kMaxFrames, "--frames: must lie in 2 to 216000");
     require(options.fps >= 1 && options.fps <= kMaxFps, "--fps: must lie in 1 to 240");
     require(options.width >= 0 && options.width <= kMaxWidth, "--size: must lie in 0 to 7680");
-    const int rays = options.pixel_rays;
-    require(rays == 0 || rays == 1 || rays == 4 || rays == 9 || rays == 16,
+    require(options.pixel_rays == 0 || nerf::IsPixelRays(options.pixel_rays),
             "--pixel-rays: must be 0, 1, 4, 9 or 16");
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);

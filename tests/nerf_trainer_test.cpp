@@ -98,7 +98,8 @@ TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   whole.field.bf16_table = whole.field.bf16_network = true;
   TrainOptions part = whole;
   // Independent of `steps`.
-  part.schedule = whole.schedule = TrainingSchedule{.hold = 1, .first_step_scale = 1, .pixel_rays_from = 0};
+  part.schedule = whole.schedule =
+      TrainingSchedule{.entry_moments = true, .hold = 1, .first_step_scale = 1, .pixel_rays_from = 0};
   part.steps = 25;
   const auto straight = dir.path() / "straight", resumed = dir.path() / "resumed";
   std::filesystem::create_directories(straight);
@@ -109,6 +110,26 @@ TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   ASSERT_FALSE(second.events.empty());
   EXPECT_NE(second.events[0].find("resumed at step 25"), std::string::npos);
   EXPECT_EQ(rgb_after(straight), rgb_after(resumed));
+}
+
+TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
+  const TempDir dir;
+  for (const bool opaque : {false, true}) {
+    const auto folder = dir.path() / (opaque ? "opaque" : "alpha");
+    std::filesystem::create_directories(folder);
+    const io::Scene train = MakeScene(folder, 8, 0, opaque);
+    TrainOptions options = SmallOptions(60);
+    options.schedule = TrainingSchedule{.pixel_rays_from = 0.9};
+    Train(train, {}, options, folder);
+    const auto field = TrainedField::Load(folder / "checkpoint.bin");
+    const auto rgb = [&](int pixel_rays) {
+      return field
+          ->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1, .pixel_rays = pixel_rays})
+          .rgb;
+    };
+    EXPECT_EQ(rgb(0), rgb(opaque ? 1 : 4)) << "several rays are for bounded scenes";
+    EXPECT_NE(rgb(1), rgb(4));
+  }
 }
 
 TEST(Checkpoint, EveryDamageIsRejectedByName) {

@@ -17,6 +17,9 @@ TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
     EXPECT_EQ(schedule.StepScale(0), schedule.first_step_scale);
     EXPECT_NEAR(schedule.StepScale(schedule.step_scale_share), schedule.last_step_scale, 1e-12);
     EXPECT_NEAR(schedule.StepScale(1), schedule.last_step_scale, 1e-12);
+    EXPECT_EQ(schedule.PixelRays(0), 1);
+    EXPECT_EQ(schedule.PixelRays(0.699), 1);
+    EXPECT_EQ(schedule.PixelRays(0.701), n_samples > 3e7 ? 4 : 1);
     for (int i = 0; i < 100; ++i) {
       EXPECT_GE(schedule.LearningRate(0.01 * i), schedule.LearningRate(0.01 * (i + 1)));
       EXPECT_GE(schedule.StepScale(0.01 * i), schedule.StepScale(0.01 * (i + 1)));

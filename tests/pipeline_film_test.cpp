@@ -58,6 +58,13 @@ TEST_F(FilmTest, FilmAndDepthHaveAllFramesAndEvenSize) {
   EXPECT_GT(centre[2], centre[0]);  // 3 units away in [2, 6]: the blue end
 }
 
+TEST_F(FilmTest, RaysPerPixelReachTheField) {
+  options_.pixel_rays = 9;
+  const SphereField field;
+  pipeline::RenderFilm(field, scene_, options_, folder_);
+  EXPECT_EQ(field.last_options.pixel_rays, 9);
+}
+
 TEST_F(FilmTest, WidthScalesTheCamera) {
   const io::Camera camera = pipeline::FilmCamera(scene_, 41);
   EXPECT_EQ(camera.width, 42);

@@ -17,8 +17,9 @@ class SphereField : public nerf::TrainedField {
 
   nerf::RenderedView Render(const io::Camera& camera,
                             const io::Rigid3d& world_from_cam,
-                            const nerf::RenderOptions&) const override {
+                            const nerf::RenderOptions& options) const override {
     ++n_renders;
+    last_options = options;
     nerf::RenderedView view;
     view.width = camera.width;
     view.height = camera.height;
@@ -43,6 +44,7 @@ class SphereField : public nerf::TrainedField {
   }
 
   mutable int n_renders = 0;
+  mutable nerf::RenderOptions last_options;
 
  private:
   float shade_;

@@ -10,6 +10,13 @@
 
 namespace nerf::kernels::reference {
 
+// Bound on |d u| / dt (maximum norm) from a point at m = max |p_i| on, as a multiple of the speed in the
+// inner cube: (4 m - 3) / m^2 on the way outwards, at most 4/3 and falling for m >= 1.5.
+template <typename Scalar>
+Scalar ContractedSpeed(Scalar m, bool outwards) {
+  return outwards && m >= Scalar(1.5) ? (4 * m - 3) / (m * m) : Scalar(4) / 3;
+}
+
 template <typename Scalar>
 struct MarchedSample {
   Scalar t, delta, u[3];
@@ -38,10 +45,7 @@ std::vector<MarchedSample<Scalar>> March(const OccupancyBlocks& blocks,
     sample.t = *t + sample.delta / 2;
     Scalar length = Scalar(intervals.cell_length);
     const Scalar m = reach(sample.t);
-    if (contracted) {
-      const bool outwards = reach(sample.t + sample.delta) > m;
-      length /= outwards && m >= Scalar(1.5) ? (4 * m - 3) / (m * m) : Scalar(4) / 3;
-    }
+    if (contracted) length /= ContractedSpeed(m, reach(sample.t + sample.delta) > m);
     std::uint32_t cell[3];
     for (int i = 0; i < 3; ++i) {
       const Scalar p = start[i] + sample.t * slope[i];
