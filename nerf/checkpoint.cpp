@@ -115,6 +115,8 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                         {"scene_units", sampling.scene_units ? 1 : 0}};
   header["field"] = scene_field->field->kind();
   header["config"] = scene_field->field->Config();
+  if (const auto& background = scene_field->background)
+    header["background"] = {{"r", (*background)[0]}, {"g", (*background)[1]}, {"b", (*background)[2]}};
   header["pixel_rays"] = scene_field->pixel_rays;
   header["grid_resolution"] = scene_field->grid.resolution();
   header["state"] = {{"seed", state.seed},
@@ -177,6 +179,10 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   const int pixel_rays = Get(path, header, "pixel_rays", 1, 16);
   if (!IsPixelRays(pixel_rays)) Reject(path, "header value of pixel_rays is not a square number");
   scene_field->pixel_rays = pixel_rays;
+  if (const auto it = header.find("background"); it != header.end()) {
+    scene_field->background = {
+        Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};
+  }
   std::size_t index = 0;
   const std::vector<Entry> entries = Entries(scene_field.get());
   if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())

@@ -1,8 +1,10 @@
 // Posed pictures as rays and target colours: the only place where poses go from double to float.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -56,6 +58,9 @@ struct Dataset {
   std::vector<View> views;
   int channels = 3;                  // 3: RGB; 4: RGB + straight alpha (all views alike)
   std::vector<std::uint8_t> pixels;  // [n_pixels][channels]
+  // sRGB in [0, 1] of a background that the pictures have in them: alpha then has the values of
+  // plain_background.h.
+  std::optional<std::array<float, 3>> background;
   // By rising rank, and one more entry that ends the last; empty: no view has a mask. 8 bytes per run: a few
   // kilobytes per picture, and never more than 4 bytes per pixel.
   std::vector<PixelRun> runs;

@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kPixels = 8192;
 constexpr int kConstantPixels = 65536;
+constexpr std::array<float, 3> kWhite = {1, 1, 1};
 
 }  // namespace
 
@@ -18,7 +19,7 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
   if (heldout.frames.empty()) return;
   const Dataset dataset = LoadDataset(heldout, threads, pixel_offset);
   views_ = dataset.views;
-  background_ = dataset.channels == 4 ? 1.f : 0.5f;
+  has_alpha_ = dataset.channels == 4;
   for (std::uint64_t i = 0; i < kPixels; ++i) {
     const std::size_t pixel = dataset.UsedPixel(
         Random(0, Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
@@ -27,8 +28,7 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
     pixels_.push_back({&view.camera, in_view % view.width, in_view / view.width});
     const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
     const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
-    for (int j = 0; j < 3; ++j)
-      target_.push_back(static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha) * background_);
+    for (int j = 0; j < 3; ++j) target_.push_back(static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha));
   }
 }
 
@@ -36,10 +36,12 @@ double HeldoutMonitor::Psnr(const SceneField& scene_field, Workers* workers) con
   if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
   const std::vector<RenderedRay> rendered =
       RenderPixels(scene_field, pixels_, scene_field.pixel_rays, 1.f, workers);
+  const std::array<float, 3> background = has_alpha_ ? kWhite : scene_field.background.value_or(kUnseenGrey);
   double sum = 0;
   for (std::size_t i = 0; i < rendered.size(); ++i) {
     for (std::size_t j = 0; j < 3; ++j) {
-      const float value = std::clamp(rendered[i].rgb[j] + rendered[i].transmittance * background_, 0.f, 1.f);
+      const float value =
+          std::clamp(rendered[i].rgb[j] + rendered[i].transmittance * background[j], 0.f, 1.f);
       const double error = value - target_[3 * i + j];
       sum += error * error;
     }

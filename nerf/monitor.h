@@ -21,8 +21,8 @@ class HeldoutMonitor {
  private:
   std::vector<View> views_;
   std::vector<CameraPixel> pixels_;  // of views_
-  std::vector<float> target_;        // [n][3], composited on `background_`
-  float background_ = 1;
+  std::vector<float> target_;        // [n][3], those with alpha composited on white
+  bool has_alpha_ = false;
 };
 
 // Mean squared error per channel, on the given background, of the constant picture that fits the used

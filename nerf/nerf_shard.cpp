@@ -6,7 +6,6 @@
 namespace nerf {
 namespace {
 
-constexpr float kWhite[3] = {1, 1, 1};
 // The random numbers of importance samples must differ from those of the stratified ones in the same step.
 constexpr std::uint64_t kImportanceStream = std::uint64_t{1} << 63;
 
@@ -98,9 +97,7 @@ void Composite(const NerfShardContext& context,
     for (int i = 0; i < n; ++i) weights[i] *= -std::expm1(-shard->tau[begin + static_cast<std::size_t>(i)]);
     float colour[3];
     CompositeColour(n, weights, shard->rgb.data() + 3 * begin, colour);
-    const PixelLoss<float> pixel = context.white_background
-                                       ? FixedBackgroundLoss(colour, end, ray.target, kWhite)
-                                       : RandomBackgroundLoss(colour, end, ray.target);
+    const PixelLoss<float> pixel = LossOf(colour, end, ray.target);
     CompositeGradients(n,
                        weights,
                        shard->rgb.data() + 3 * begin,

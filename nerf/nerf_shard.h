@@ -32,7 +32,6 @@ struct NerfShardContext {
   const Dataset& dataset;
   const SceneField& scene_field;
   const NerfField& field;
-  bool white_background;
 };
 
 void RunNerfShard(const NerfShardContext& context, const BatchPlan& plan, int index, NerfShard* shard);

@@ -63,7 +63,8 @@ StepOutcome NerfTraining::Step(double progress, TrainState* state) {
   const double share = std::min(1.0, progress / options_.nerf.step_scale_share);
   plan.step_scale = static_cast<float>(std::pow(options_.nerf.first_step_scale, 1.0 - share));
   plan.early_stop_depth = kEarlyStopDepth;
-  const NerfShardContext context{dataset_, *scene_field_, field_, options_.nerf.white_background};
+  if (options_.nerf.white_background) plan.background = {1, 1, 1};
+  const NerfShardContext context{dataset_, *scene_field_, field_};
   workers_->Run(kShards, [&](int shard, int) {
     RunNerfShard(context, plan, shard, &shards_[static_cast<std::size_t>(shard)]);
   });

@@ -7,10 +7,15 @@
 namespace nerf {
 namespace {
 
-PixelTarget TargetOf(const Dataset& dataset, std::size_t pixel) {
+PixelTarget TargetOf(const Dataset& dataset, const BatchPlan& plan, std::size_t pixel) {
   const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
-  const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
-  PixelTarget target = {{}, alpha};
+  float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
+  const float* background = plan.background ? plan.background->data() : nullptr;
+  if (dataset.background && alpha > 0 && alpha < 1) {
+    background = dataset.background->data();
+    alpha = 1;  // the colour is whole
+  }
+  PixelTarget target = {{}, alpha, background};
   for (int j = 0; j < 3; ++j) target.premultiplied[j] = static_cast<float>(p[j]) / 255.f * alpha;
   return target;
 }
@@ -33,7 +38,7 @@ void DrawRays(
     draws.emplace_back(random, pixel);
   }
   std::vector<PixelTarget> targets;
-  for (const auto& draw : draws) targets.push_back(TargetOf(dataset, draw.second));
+  for (const auto& draw : draws) targets.push_back(TargetOf(dataset, plan, draw.second));
   batch->rays.clear();
   for (std::size_t p = 0; p < draws.size(); ++p) {
     auto& [random, pixel] = draws[p];

@@ -5,8 +5,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "nerf/dataset.h"
@@ -22,6 +24,8 @@ struct BatchPlan {
   int pixel_rays = 1;
   int n_shards = 16;
   float step_scale = 1;  // of the sampler's intervals
+  // On which all pixels must look right; without it, on any (volume_rendering.h).
+  std::optional<std::array<float, 3>> background;
   // Optical depth at which a ray ends; the light left over counts as background.
   float early_stop_depth = 6.9f;
   // Samples a ray contributes to one wave before its transmittance is looked at: what is marched and queried

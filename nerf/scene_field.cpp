@@ -147,6 +147,7 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   }
 
   auto result = std::make_unique<SceneField>(map, sampling, std::move(field), grid_resolution);
+  result->background = dataset.background;
   if (has_alpha) {
     CarveByMasks(scene, dataset, map, workers, &result->grid);
   } else {
@@ -168,6 +169,16 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
       grid_resolution,
       100 * result->grid.OccupiedShare());
   *derivation = text;
+  if (dataset.background) {
+    const auto level = [&](std::size_t j) { return std::lround(255 * (*dataset.background)[j]); };
+    std::snprintf(text,
+                  sizeof text,
+                  "background of one colour (%ld, %ld, %ld), which is not modelled; ",
+                  level(0),
+                  level(1),
+                  level(2));
+    *derivation = text + *derivation;
+  }
   return result;
 }
 

@@ -1,7 +1,9 @@
 // A field together with the space it lives in: all that rendering needs, and what a checkpoint stores.
 #pragma once
 
+#include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -13,6 +15,9 @@
 #include "nerf/sampler.h"
 
 namespace nerf {
+
+// Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
+inline constexpr std::array<float, 3> kUnseenGrey = {0.5f, 0.5f, 0.5f};
 
 struct SceneField {
   SceneField(const SpaceMap& space_map,
@@ -31,6 +36,8 @@ struct SceneField {
   OccupancyGrid grid;
   // Rays per pixel, a square: a pixel is the mean of rays through the cells of a square lattice on it.
   int pixel_rays = 1;
+  // Of opaque pictures that share one (plain_background.h), sRGB in [0, 1].
+  std::optional<std::array<float, 3>> background;
 };
 
 // Overrides of what is otherwise derived from the scene; 0 keeps the derivation.
@@ -51,10 +58,10 @@ struct SceneFieldOptions {
 //   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
 //   finest grid cells of 0.9 p, coarsest 16 per axis, tables of 2^17 entries per level, unless the budget
 //   says otherwise (training_schedule.h)
-// Pictures with alpha: the space is the cube around their visual hull. Others: contracted space around a
-// cube of one to two times scene.aabb that holds 90 % of the sparse points. `nerf` has the report's
-// intervals, (far - near) / 192, in bounded scenes, and with a fixed number of samples per ray those between
-// near and far.
+// Pictures with alpha, given or from a plain background: the space is the cube around their visual hull.
+// Others: contracted space around a cube of one to two times scene.aabb that holds 90 % of the sparse points.
+// `nerf` has the report's intervals, (far - near) / 192, in bounded scenes, and with a fixed number of samples
+// per ray those between near and far.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,

@@ -152,7 +152,7 @@ void DifferentiateRays(const HashNetwork<Real>& network,
       for (int j = 0; j < 3; ++j) colour[j] += share * ray_colour[j];
     }
     const BatchRay& ray = scratch->batch.rays[static_cast<std::size_t>(r)];
-    const PixelLoss<float> pixel = RandomBackgroundLoss(colour, transmittance, ray.target);
+    const PixelLoss<float> pixel = LossOf(colour, transmittance, ray.target);
     for (int i = r; i < r + plan.pixel_rays; ++i) {
       DifferentiateRay(begin_of(i),
                        begin_of(i + 1),

@@ -6,8 +6,6 @@
 namespace nerf {
 namespace {
 
-// Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
-constexpr float kUnseenGrey = 0.5f;
 // Rows of pixels whose rays are in memory together.
 constexpr int kBandRows = 128;
 
@@ -24,6 +22,8 @@ class CheckpointTrainedField : public TrainedField {
     Workers workers(options.threads);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
     const int pixel_rays = options.pixel_rays > 0 ? options.pixel_rays : scene_field_->pixel_rays;
+    const std::array<float, 3> background =
+        scene_field_->background.value_or(state_.channels == 4 ? options.background : kUnseenGrey);
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
@@ -31,8 +31,7 @@ class CheckpointTrainedField : public TrainedField {
       for (const RenderedRay& ray :
            RenderPixels(*scene_field_, band, pixel_rays, options.step_scale, &workers)) {
         for (std::size_t j = 0; j < 3; ++j) {
-          const float background = state_.channels == 4 ? options.background[j] : kUnseenGrey;
-          view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background, 0.f, 1.f));
+          view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }
         view.depth.push_back(ray.depth);
         view.opacity.push_back(1.f - ray.transmittance);

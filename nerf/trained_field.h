@@ -19,7 +19,7 @@ struct RenderOptions {
   // Rays per pixel: 1, 4, 9, 16, or 0: as the field was trained. Fewer are faster, and jagged.
   int pixel_rays = 0;
   // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
-  // background is free. Captures have learned their background.
+  // background is free. Others show their own, plain or learned.
   std::array<float, 3> background = {1, 1, 1};
 };
 

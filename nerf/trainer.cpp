@@ -14,6 +14,7 @@
 #include "nerf/field_training.h"
 #include "nerf/hull_pixels.h"
 #include "nerf/monitor.h"
+#include "nerf/plain_background.h"
 
 namespace nerf {
 namespace {
@@ -112,6 +113,7 @@ void Trainer::MakeField() {
 }
 
 void Trainer::Begin() {
+  MarkPlainBackground(&dataset_);
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   if (std::filesystem::exists(checkpoint)) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);

@@ -30,6 +30,7 @@ inline constexpr float kEarlyStopTransmittance = 1e-4f;
 struct PixelTarget {
   float premultiplied[3];
   float alpha;
+  const float* background = nullptr;  // [3], of the fixed background; null: random
 };
 
 // Transmittance before each of n samples and at the end, from optical depths. Returns T_end.
@@ -84,6 +85,12 @@ PixelLoss<Scalar> FixedBackgroundLoss(const Scalar colour[3],
   }
   result.loss = result.squared_error / Scalar(3);
   return result;
+}
+
+template <typename Scalar>
+PixelLoss<Scalar> LossOf(const Scalar colour[3], Scalar transmittance_end, const PixelTarget& target) {
+  return target.background ? FixedBackgroundLoss(colour, transmittance_end, target, target.background)
+                           : RandomBackgroundLoss(colour, transmittance_end, target);
 }
 
 // C = sum w_i c_i of n samples with rgb [n][3].

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "nerf/occupancy_grid.h"
 #include "nerf/random.h"
 #include "pipeline/kernel_cases.h"
 
@@ -41,6 +42,46 @@ struct LayerData {
   }
 };
 
+// Rays of length 1/2 through a grid of which a random half is occupied, so that none jumps.
+struct MarchData {
+  static constexpr int kRays = 512, kIntervals = 64;
+
+  MarchData() {
+    for (std::uint32_t i = 0; i < grid.n_cells(); ++i) {
+      const bool is_occupied = nerf::Random(6, nerf::Stream::kInit, 0, i).Below(2) == 0;
+      is_occupied ? grid.SetCandidate(i) : grid.SetEmpty(i);
+    }
+    grid.Rebuild();
+    for (int i = 0; i < 3 * kRays; ++i) {
+      nerf::Random random(8, nerf::Stream::kRay, 0, static_cast<std::uint64_t>(i));
+      start[i / kRays].push_back(0.3f + 0.4f * random.Uniform());
+      slope[i / kRays].push_back(0.5f * random.Uniform() - 0.25f);  // at most 0.3 away
+    }
+    for (std::vector<float>* slot : {&st, &sd, &sx, &sy, &sz}) slot->resize(kRays * kIntervals);
+    cell.resize(st.size());
+  }
+  void March(const kernels::Kernels& build) {
+    t.assign(kRays, 0.f);
+    build.march(grid.Blocks(),
+                {{start[0].data(), start[1].data(), start[2].data()},
+                 {slope[0].data(), slope[1].data(), slope[2].data()},
+                 t_last.data(),
+                 false},
+                {.step_size = 1.f / kIntervals, .cell_length = 1.f / 128},
+                kRays,
+                kIntervals,
+                t.data(),
+                count.data(),
+                {st.data(), sd.data(), sx.data(), sy.data(), sz.data(), cell.data()});
+  }
+
+  nerf::OccupancyGrid grid{128, nerf::SpaceMap{}};
+  std::vector<float> start[3], slope[3], t, t_last = std::vector<float>(kRays, 1.f);
+  std::vector<int> count = std::vector<int>(kRays);
+  std::vector<float> st, sd, sx, sy, sz;
+  std::vector<std::uint32_t> cell;
+};
+
 class CaseList {
  public:
   CaseList(const std::string& build, KernelData* data)
@@ -52,6 +93,7 @@ class CaseList {
     AddElementary("exp", kernels_.exp, kRows, 21);
     AddElementary("one_minus_exp_neg", kernels_.one_minus_exp_neg, kRows, 37);
     AddElementary("sigmoid", kernels_.sigmoid, 3 * kRows, 23);
+    AddMarch();
     for (const bool per_entry : {false, true}) {
       const std::string name = per_entry ? "step_entries" : "adam";
       AddOptimiser(name, per_entry, data_->dense);
@@ -93,6 +135,7 @@ class CaseList {
   template <typename Real>
   void AddHead(const std::shared_ptr<LayerData<Real>>& rows);
   void AddElementary(const char* name, void (*kernel)(int, float*), int n, double operations);
+  void AddMarch();
   void AddOptimiser(const std::string& name, bool per_entry, const std::vector<float>& gradients);
 
   const std::string build_;
@@ -188,6 +231,16 @@ void CaseList::AddHead(const std::shared_ptr<LayerData<Real>>& rows) {
 void CaseList::AddElementary(const char* name, void (*kernel)(int, float*), int n, double operations) {
   const auto values = std::make_shared<std::vector<float>>(n, 0.75f);
   AddArithmetic(name, "fp32", "element", n, operations, [=] { kernel(n, values->data()); });
+}
+
+// Per interval the kernel reads a distance and a word of cells, in as many blocks as a table of 2^15 entries.
+void CaseList::AddMarch() {
+  const auto data = std::make_shared<MarchData>();
+  KernelCase& c = Add("march", "fp32", "interval", MarchData::kRays * MarchData::kIntervals);
+  c.unit = "G accesses/s";
+  c.work = 2 * c.items;
+  c.limit = KernelCase{.build = kAnyBuild, .kernel = kGather + Power(15), .format = "8B"}.Name();
+  c.run = [data, all = kernels_] { data->March(all); };
 }
 
 // Bytes that a step must move: every gradient, and for 64-byte lines of them that hold one which is not zero

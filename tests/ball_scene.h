@@ -10,12 +10,19 @@
 
 namespace tests {
 
-// A ball of radius 0.8 at the origin with a smooth colour pattern; elsewhere transparent or, opaque, the
-// painted walls of a cubic room of half side 5, which lies far outside the region of interest.
+enum class Behind {
+  kNothing,  // transparent
+  kRoom,     // the painted walls of a cubic room of half side 5, far outside the region of interest
+  kPaper,    // one colour
+};
+
+inline constexpr std::uint8_t kPaper[3] = {230, 240, 250};
+
+// A ball of radius 0.8 at the origin with a smooth colour pattern.
 inline void WriteBallView(const std::filesystem::path& path,
                           const io::Camera& camera,
                           const io::Rigid3d& pose,
-                          bool opaque) {
+                          Behind behind) {
   io::Image image = io::MakeImage(camera.width, camera.height, 4);
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
@@ -28,10 +35,11 @@ inline void WriteBallView(const std::filesystem::path& path,
       for (int c = 0; c < 3; ++c) wall = std::min(wall, (std::copysign(5.0, d[c]) - o[c]) / d[c]);
       const Eigen::Vector3d at =
           hit ? Eigen::Vector3d((o + (-b - std::sqrt(discriminant)) * d) / 0.8) : o + wall * d;
-      for (int c = 0; c < 3; ++c)
+      for (std::size_t c = 0; c < 3 && behind == Behind::kPaper; ++c) p[c] = kPaper[c];
+      for (int c = 0; c < 3 && (hit || behind != Behind::kPaper); ++c)
         p[c] = static_cast<std::uint8_t>(
             std::lround(127.5 + 60 * std::sin(4 * at[c] + c) + 40 * std::sin(3 * at[(c + 1) % 3])));
-      p[3] = hit || opaque ? 255 : 0;
+      p[3] = hit || behind != Behind::kNothing ? 255 : 0;
     }
   }
   io::WriteImage(path, image);
@@ -40,7 +48,7 @@ inline void WriteBallView(const std::filesystem::path& path,
 struct BallSceneOptions {
   int size = 48;        // of the square pictures, in pixels
   double focal = 1.25;  // focal length per picture size: at 1.25 the ball covers a fifth of the picture
-  bool opaque = false;
+  Behind behind = Behind::kNothing;
 };
 
 // Views on a ring of radius 4 around the ball. `phase` in [0, 1) turns the ring by that share of a gap.
@@ -67,7 +75,7 @@ inline io::Scene BallScene(const std::filesystem::path& folder,
     pose.rotation.col(1) = pose.rotation.col(2).cross(pose.rotation.col(0));
     const std::filesystem::path path =
         folder / ("view_" + std::to_string(i) + "_" + std::to_string(phase > 0) + ".png");
-    WriteBallView(path, scene.cameras[0], pose, options.opaque);
+    WriteBallView(path, scene.cameras[0], pose, options.behind);
     scene.frames.push_back({path, 0, pose});
   }
   return scene;

@@ -98,9 +98,11 @@ std::unique_ptr<SceneField> GoldenField(bool bf16) {
 
 NerfShard GoldenShard(const SceneField& scene_field, int n_rays = kRays) {
   const Dataset dataset = GoldenDataset();
-  const NerfShardContext context{dataset, scene_field, dynamic_cast<NerfField&>(*scene_field.field), true};
+  const NerfShardContext context{dataset, scene_field, dynamic_cast<NerfField&>(*scene_field.field)};
   NerfShard shard;
-  RunNerfShard(context, {.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1}, 0, &shard);
+  BatchPlan plan{.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1};
+  plan.background = {1, 1, 1};
+  RunNerfShard(context, plan, 0, &shard);
   return shard;
 }
 

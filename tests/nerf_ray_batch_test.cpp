@@ -47,6 +47,33 @@ std::array<float, 2> ImagePoint(const Ray& ray) {
   return {2 - ray.direction[0] / ray.direction[2], 2 + ray.direction[1] / ray.direction[2]};
 }
 
+TEST(DrawRays, PixelsWithBackgroundInThemAreComparedOnIt) {
+  Dataset dataset = OneView();
+  const std::vector<std::uint8_t> rgb = dataset.pixels;
+  dataset.channels = 4;
+  dataset.background = {0.25f, 0.5f, 0.75f};
+  dataset.pixels.clear();
+  for (std::size_t p = 0; p < 16; ++p) {  // alpha 0, 128, 255, 0, ...
+    dataset.pixels.insert(dataset.pixels.end(), &rgb[3 * p], &rgb[3 * p] + 3);
+    dataset.pixels.push_back(static_cast<std::uint8_t>((p % 3 * 255 + 1) / 2));
+  }
+  const SpaceMap map{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, map);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, map, grid);
+  RayBatch batch;
+  DrawRays(dataset, sampler, {.seed = 1, .n_rays = 200, .n_shards = 1}, 0, &batch);
+  int seen[3] = {};
+  for (const BatchRay& ray : batch.rays) {
+    const auto at = ImagePoint(ray.ray);
+    const auto p = static_cast<int>(at[1]) * 4 + static_cast<int>(at[0]);
+    ++seen[p % 3];
+    EXPECT_EQ(ray.target.background, p % 3 == 1 ? dataset.background->data() : nullptr);
+    EXPECT_EQ(ray.target.alpha, p % 3 == 0 ? 0.f : 1.f);
+    EXPECT_EQ(ray.target.premultiplied[0], p % 3 == 0 ? 0.f : static_cast<float>(p) / 255.f);
+  }
+  for (const int n : seen) EXPECT_GT(n, 30);
+}
+
 TEST(DrawRays, RaysOfAPixelAreRandomInTheCellsOfItsLattice) {
   const Dataset dataset = OneView();
   const SpaceMap map{{0, 0, 0}, 10, false};

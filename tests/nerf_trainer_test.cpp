@@ -10,6 +10,7 @@
 #include "io/atomic_file.h"
 #include "io/error.h"
 #include "io/hash.h"
+#include "nerf/checkpoint.h"
 #include "nerf/trained_field.h"
 #include "tests/ball_scene.h"
 #include "tests/temp_dir.h"
@@ -17,10 +18,15 @@
 namespace nerf {
 namespace {
 
+using tests::Behind;
+
 constexpr int kSize = 48;
 
-io::Scene MakeScene(const std::filesystem::path& folder, int n_views, double phase, bool opaque) {
-  return tests::BallScene(folder, n_views, phase, {.size = kSize, .opaque = opaque});
+io::Scene MakeScene(const std::filesystem::path& folder,
+                    int n_views,
+                    double phase,
+                    Behind behind = Behind::kNothing) {
+  return tests::BallScene(folder, n_views, phase, {.size = kSize, .behind = behind});
 }
 
 TrainOptions SmallOptions(int steps) {
@@ -35,8 +41,7 @@ TrainOptions SmallOptions(int steps) {
 
 TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 16, 0, false),
-                  heldout = MakeScene(dir.path(), 4, 0.37, false);
+  const io::Scene train = MakeScene(dir.path(), 16, 0), heldout = MakeScene(dir.path(), 4, 0.37);
   TrainOptions options = SmallOptions(400);
   options.threads = 2;
   const TrainReport report = Train(train, heldout, options, dir.path());
@@ -56,16 +61,34 @@ TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
 
 TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 32, 0, true), heldout = MakeScene(dir.path(), 4, 0.37, true);
+  const io::Scene train = MakeScene(dir.path(), 32, 0, Behind::kRoom),
+                  heldout = MakeScene(dir.path(), 4, 0.37, Behind::kRoom);
   TrainOptions options = SmallOptions(600);
   options.threads = 2;
   const TrainReport report = Train(train, heldout, options, dir.path());
   EXPECT_GE(report.heldout_psnr, 22.0);
 }
 
+TEST(Trainer, LearnsABallOnPaperWithoutThePaper) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 16, 0, Behind::kPaper),
+                  heldout = MakeScene(dir.path(), 4, 0.37, Behind::kPaper);
+  TrainOptions options = SmallOptions(400);
+  options.threads = 2;
+  EXPECT_GE(Train(train, heldout, options, dir.path()).heldout_psnr, 27.0);
+  const RenderedView view =
+      TrainedField::Load(dir.path() / "checkpoint.bin")
+          ->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
+  const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
+  EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
+  EXPECT_GT(view.opacity[middle], 0.99);
+  EXPECT_LT(view.opacity[0], 0.01);
+  for (std::size_t j = 0; j < 3; ++j) EXPECT_NEAR(view.rgb[j], tests::kPaper[j] / 255.0, 0.01);
+}
+
 TEST(Trainer, SameBytesForAnyNumberOfThreads) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 8, 0, false);
+  const io::Scene train = MakeScene(dir.path(), 8, 0);
   std::set<std::string> hashes;
   for (const bool bf16 : {false, true}) {
     for (const int threads : {1, 3}) {
@@ -86,7 +109,7 @@ TEST(Trainer, SameBytesForAnyNumberOfThreads) {
 
 TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 8, 0, false);
+  const io::Scene train = MakeScene(dir.path(), 8, 0);
   const auto rgb_after = [&](const std::filesystem::path& folder) {
     return TrainedField::Load(folder / "checkpoint.bin")
         ->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1})
@@ -117,7 +140,7 @@ TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
   for (const bool opaque : {false, true}) {
     const auto folder = dir.path() / (opaque ? "opaque" : "alpha");
     std::filesystem::create_directories(folder);
-    const io::Scene train = MakeScene(folder, 8, 0, opaque);
+    const io::Scene train = MakeScene(folder, 8, 0, opaque ? Behind::kRoom : Behind::kNothing);
     TrainOptions options = SmallOptions(60);
     options.schedule = TrainingSchedule{.pixel_rays_from = 0.9};
     Train(train, {}, options, folder);
@@ -134,7 +157,7 @@ TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
 
 TEST(Checkpoint, EveryDamageIsRejectedByName) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 4, 0, false);
+  const io::Scene train = MakeScene(dir.path(), 4, 0);
   Train(train, {}, SmallOptions(3), dir.path());
   const std::string good = io::ReadFile(dir.path() / "checkpoint.bin");
   const auto verdict = [&](const std::string& bytes) {
@@ -160,6 +183,11 @@ TEST(Checkpoint, EveryDamageIsRejectedByName) {
     EXPECT_NE(verdict(bad), "accepted") << "flipped byte " << at;
   }
   EXPECT_GE(flipped, 60);
+  TrainState state;
+  const auto scene_field = ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
+  scene_field->pixel_rays = 2;
+  WriteCheckpoint(dir.path() / "two_rays.bin", scene_field.get(), state);
+  EXPECT_NE(verdict(io::ReadFile(dir.path() / "two_rays.bin")).find("pixel_rays"), std::string::npos);
 }
 
 }  // namespace

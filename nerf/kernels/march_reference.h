@@ -10,11 +10,16 @@
 
 namespace nerf::kernels::reference {
 
-// Bound on |d u| / dt (maximum norm) from a point at m = max |p_i| on, as a multiple of the speed in the
-// inner cube: (4 m - 3) / m^2 on the way outwards, at most 4/3 and falling for m >= 1.5.
+// Bound on |d u| / dt (maximum norm) of a ray of unit speed from a point at m = max |p_i| on, as a multiple
+// of the speed in the inner cube. Outside it u_j = p_j (2 m - 1) / m^2, so that moving along j and against
+// the largest axis gives
+//   sqrt((2 m - 1)^2 + 4 (m - 1)^2) / m^2,
+// which falls from m = 1.25 on, where it is sqrt(1.024); a ray on its way outwards only gets slower from
+// there.
 template <typename Scalar>
 Scalar ContractedSpeed(Scalar m, bool outwards) {
-  return outwards && m >= Scalar(1.5) ? (4 * m - 3) / (m * m) : Scalar(4) / 3;
+  if (outwards && m > Scalar(1.25)) return std::sqrt((8 * m - 12) * m + 5) / (m * m);
+  return std::sqrt(Scalar(1.024));
 }
 
 template <typename Scalar>
