@@ -29,7 +29,7 @@ class HashTraining : public FieldTraining {
   HashTraining(const Dataset& dataset, const TrainOptions& options, SceneField* scene_field, Workers* workers)
       : dataset_(dataset),
         options_(options),
-        schedule_(ScheduleOf(options)),
+        schedule_(ScheduleOf(options, dataset.channels == 4)),
         rebuild_every_(std::max<std::uint64_t>(
             1, kRebuildSamples / static_cast<std::uint64_t>(options.samples_per_step))),
         scene_field_(scene_field),
@@ -65,8 +65,7 @@ class HashTraining : public FieldTraining {
 
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  // In unbounded scenes, which are photographs, several rays per pixel gained nothing (nerf/README.md).
-  scene_field_->pixel_rays = scene_field_->map.unbounded ? 1 : schedule_.PixelRays(progress);
+  scene_field_->pixel_rays = schedule_.PixelRays(progress);
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
   plan.pixel_rays = scene_field_->pixel_rays;
   plan.n_rays = std::max(1, state->n_rays / plan.pixel_rays) * plan.pixel_rays;

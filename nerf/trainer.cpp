@@ -102,7 +102,7 @@ void Trainer::MakeTraining() {
 }
 
 void Trainer::MakeField() {
-  const TrainingSchedule schedule = ScheduleOf(options_);
+  const TrainingSchedule schedule = ScheduleOf(options_, dataset_.channels == 4);
   SceneFieldOptions field = options_.field;
   field.log2_hashmap_size = schedule.log2_hashmap_size;
   field.finest_cell_pixels = schedule.finest_cell_pixels;
@@ -269,7 +269,7 @@ TrainReport Trainer::Run() {
 
 }  // namespace
 
-TrainingSchedule ScheduleOf(const TrainOptions& options) {
+TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha) {
   // What a thread of a processor with AVX-512 does; it only decides between a few capacities.
   constexpr double kSamplesPerThreadSecond = 1.2e6;
   TrainingSchedule schedule =
@@ -277,6 +277,7 @@ TrainingSchedule ScheduleOf(const TrainOptions& options) {
           ? *options.schedule
           : ScheduleFor(options.steps > 0 ? 1.0 * options.steps * options.samples_per_step
                                           : options.time_s * options.threads * kSamplesPerThreadSecond);
+  if (!has_alpha) schedule.pixel_rays_from = 1;
   if (options.learning_rate > 0) schedule.learning_rate = options.learning_rate;
   if (options.field.log2_hashmap_size > 0) schedule.log2_hashmap_size = options.field.log2_hashmap_size;
   return schedule;

@@ -45,8 +45,8 @@ struct TrainOptions {
 };
 
 // options.schedule, or the best known for options.time_s or options.steps; with the rate and the table size
-// that were given.
-TrainingSchedule ScheduleOf(const TrainOptions& options);
+// that were given. Without alpha, as photographs are, several rays per pixel gained nothing (nerf/README.md).
+TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha);
 
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,
 // 192 stratified samples with an open end on [near, far], 4096 rays, white background, 100,000 steps.

@@ -17,8 +17,8 @@ struct TrainingSchedule {
   // Sampling intervals start longer than the field's own, for more rays with the same samples, and shrink
   // exponentially within a share of the run.
   double first_step_scale = 6, last_step_scale = 1, step_scale_share = 0.5;
-  // From this share of the run on, pixels of bounded scenes are the means of several rays, as in the camera:
-  // edges may then be sharper than a pixel. 1: never.
+  // From this share of the run on, a pixel is the mean of several rays, as in the camera: edges may then be
+  // sharper than a pixel. 1: never.
   int pixel_rays = 4;
   double pixel_rays_from = 0.7;
 

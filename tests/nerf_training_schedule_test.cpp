@@ -45,20 +45,22 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   TrainOptions options;
   options.steps = 100;
   options.samples_per_step = 1 << 14;
-  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, ScheduleFor(100 << 14).log2_hashmap_size);
+  EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, ScheduleFor(100 << 14).log2_hashmap_size);
   options.steps = 0;
   options.time_s = 3600;
-  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, ScheduleFor(1e9).log2_hashmap_size);
+  EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, ScheduleFor(1e9).log2_hashmap_size);
   options.schedule = TrainingSchedule{.log2_hashmap_size = 11};
-  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 11);
+  EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, 11);
   options.field.log2_hashmap_size = 12;
   options.learning_rate = 0.125;
-  EXPECT_EQ(ScheduleOf(options).log2_hashmap_size, 12);
-  const std::string text = ScheduleOf(options).Text();
+  EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, 12);
+  const std::string text = ScheduleOf(options, true).Text();
   EXPECT_NE(
       text.find("tables of 2^12 entries, finest cells of 0.9 pixels; moments per value; rate 0.125 for 60 %"),
       std::string::npos)
       << text;
+  EXPECT_NE(text.find("4 rays per pixel"), std::string::npos) << text;
+  EXPECT_EQ(ScheduleOf(options, false).Text().find("rays per pixel"), std::string::npos);
 }
 
 }  // namespace

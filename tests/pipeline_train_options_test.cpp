@@ -51,7 +51,7 @@ TEST(TrainOptions, UnknownPrecisionIsNamed) {
 TEST(TrainOptions, BatchAndRateAreTheFieldsOwnUnlessGiven) {
   EXPECT_EQ(Resolve({}).samples_per_step, nerf::TrainOptions().samples_per_step);
   EXPECT_EQ(Resolve({"--batch=4096"}).samples_per_step, 4096);
-  EXPECT_EQ(nerf::ScheduleOf(Resolve({"--learning-rate=0.5"})).learning_rate, 0.5);
+  EXPECT_EQ(nerf::ScheduleOf(Resolve({"--learning-rate=0.5"}), true).learning_rate, 0.5);
 }
 
 }  // namespace
