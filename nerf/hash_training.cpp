@@ -14,6 +14,10 @@ constexpr int kShards = 16;
 // Training follows a ray to a transmittance of 1e-2; in unbounded scenes, where thin leftovers behind the
 // surfaces would take most of the samples, to 2e-2. The loss closes what is left.
 constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
+// Weight of the distortion loss in unbounded scenes, where fog would satisfy the few views of what is far
+// away. It grows over the first share of a run: at full weight from the start it can drive all light into fog
+// right before the cameras.
+constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;
@@ -72,6 +76,8 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
   plan.wave_samples = kWaveSamples;
   plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
+  if (scene_field_->map.unbounded)
+    plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
   plan.min_weight = static_cast<float>(options_.min_weight);
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
   workers_->Run(kShards, [&](int shard, int thread) {

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "nerf/distortion.h"
+
 namespace nerf {
 namespace {
 
@@ -37,6 +39,7 @@ void QueryWave(const HashGrid& grid,
     scratch->kept.x.push_back(wave.x[i]);
     scratch->kept.y.push_back(wave.y[i]);
     scratch->kept.z.push_back(wave.z[i]);
+    scratch->kept.t.push_back(wave.t[i]);
     scratch->kept.delta.push_back(wave.delta[i]);
     scratch->kept_ray.push_back(ray);
     const Real* row = &scratch->wave_features[i * kInputs];
@@ -52,12 +55,13 @@ void SortByRay(ShardScratch<Real>* scratch, ShardResult<Real>* result, std::vect
   std::vector<int> next(ray_first->begin(), ray_first->end() - 1);
   Samples& samples = result->samples;
   samples.x.resize(n), samples.y.resize(n), samples.z.resize(n);
-  Grow(&scratch->delta, n), Grow(&scratch->features, n * kInputs);
+  Grow(&scratch->t, n), Grow(&scratch->delta, n), Grow(&scratch->features, n * kInputs);
   for (std::size_t i = 0; i < n; ++i) {
     const auto to = static_cast<std::size_t>(next[static_cast<std::size_t>(scratch->kept_ray[i])]++);
     samples.x[to] = scratch->kept.x[i];
     samples.y[to] = scratch->kept.y[i];
     samples.z[to] = scratch->kept.z[i];
+    scratch->t[to] = scratch->kept.t[i];
     scratch->delta[to] = scratch->kept.delta[i];
     std::memcpy(
         &scratch->features[to * kInputs], &scratch->kept_features[i * kInputs], kInputs * sizeof(Real));
@@ -83,7 +87,27 @@ float CompositeRay(std::size_t begin,
   return transmittance;
 }
 
-// Gradients of the same ray, from the loss of its pixel.
+// Distortion of the same ray, whose samples are those from `first` + begin on, times `scale`; its gradients
+// are left in the scratch.
+template <typename Real>
+float DistortRay(
+    std::size_t first, std::size_t begin, std::size_t end, float scale, ShardScratch<Real>* scratch) {
+  const std::size_t n = end - begin;
+  std::vector<float>&places = scratch->places, &lengths = scratch->lengths,
+  &gradients = scratch->distortion_gradients;
+  places.resize(n), lengths.resize(n), gradients.assign(n, 0.f);
+  if (scale == 0) return 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const float t = scratch->t[first + begin + i];
+    places[i] = std::log(t), lengths[i] = scratch->delta[first + begin + i] / t;
+  }
+  const float loss = Distortion(
+      static_cast<int>(n), scratch->weights.data() + begin, places.data(), lengths.data(), gradients.data());
+  for (float& gradient : gradients) gradient *= scale;
+  return scale * loss;
+}
+
+// Gradients of the same ray, from the loss of its pixel and its distortion.
 template <typename Real>
 void DifferentiateRay(std::size_t begin,
                       std::size_t end,
@@ -100,7 +124,8 @@ void DifferentiateRay(std::size_t begin,
                      pixel,
                      scale,
                      logits + 3 * begin,
-                     log_sigma + begin);
+                     log_sigma + begin,
+                     scratch->distortion_gradients.data());
   // sigma = exp(logit) and rgb = sigmoid(logit).
   for (std::size_t i = begin; i < end; ++i) log_sigma[i] *= scratch->tau[i];
   for (std::size_t i = 3 * begin; i < 3 * end; ++i) logits[i] *= rgb[i] * (1.f - rgb[i]);
@@ -154,6 +179,7 @@ void DifferentiateRays(const HashNetwork<Real>& network,
     const BatchRay& ray = scratch->batch.rays[static_cast<std::size_t>(r)];
     const PixelLoss<float> pixel = LossOf(colour, transmittance, ray.target);
     for (int i = r; i < r + plan.pixel_rays; ++i) {
+      result->loss += share * DistortRay(first, begin_of(i), begin_of(i + 1), plan.distortion, scratch);
       DifferentiateRay(begin_of(i),
                        begin_of(i + 1),
                        rows.rgb,

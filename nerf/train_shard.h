@@ -34,7 +34,8 @@ struct ShardScratch {
   Samples kept;  // in the order they were kept
   std::vector<int> kept_ray;
   std::vector<Real> wave_features, kept_features, features;  // [n][32]: of a wave, as kept, and in ray order
-  std::vector<float> wave_sigma, delta, tau, weights, logit_gradients, log_sigma_gradients;
+  std::vector<float> wave_sigma, t, delta, tau, weights, logit_gradients, log_sigma_gradients;
+  std::vector<float> places, lengths, distortion_gradients;  // of one ray, see distortion.h
   NetworkRows<Real> rows;
 };
 

@@ -106,6 +106,7 @@ void CompositeColour(int n, const Scalar* weights, const Scalar* rgb, Scalar col
 // d loss / d tau, both times `scale`. With e = colour_gradient and G = end_gradient,
 //   d loss / d c_ij = w_i e_j      d loss / d tau_i = T_{i+1} q_i - sum_{k>i} w_k q_k - G T_end,  q_i = sum_j
 //   e_j c_ij.
+// weight_gradients [n]: what else the loss gains per weight, added to q_i; null: nothing.
 template <typename Scalar>
 void CompositeGradients(int n,
                         const Scalar* weights,
@@ -114,13 +115,15 @@ void CompositeGradients(int n,
                         const PixelLoss<Scalar>& pixel,
                         Scalar scale,
                         Scalar* rgb_gradients,
-                        Scalar* tau_gradients) {
+                        Scalar* tau_gradients,
+                        const Scalar* weight_gradients = nullptr) {
   const Scalar* e = pixel.colour_gradient;
   // T_{i+1} is rebuilt from the back: T_i = T_{i+1} + w_i. `behind` collects what lies behind sample i.
   Scalar behind = pixel.end_gradient * transmittance_end, after = transmittance_end;
   for (int i = n - 1; i >= 0; --i) {
     const Scalar* c = rgb + 3 * i;
-    const Scalar q = e[0] * c[0] + e[1] * c[1] + e[2] * c[2];
+    Scalar q = e[0] * c[0] + e[1] * c[1] + e[2] * c[2];
+    if (weight_gradients) q += weight_gradients[i];
     tau_gradients[i] = scale * (after * q - behind);
     for (int j = 0; j < 3; ++j) rgb_gradients[3 * i + j] = scale * weights[i] * e[j];
     behind += weights[i] * q;

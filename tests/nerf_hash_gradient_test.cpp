@@ -113,13 +113,14 @@ class HashGradientTest : public testing::Test {
     field_.Refresh();
   }
 
-  void Train(int pixel_rays) {
+  void Train(int pixel_rays, float distortion) {
     const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, map_, grid_);
     // Every sample counts, so that the twin needs no choice of its own.
     const BatchPlan plan{.seed = 3,
                          .n_rays = kRays,
                          .pixel_rays = pixel_rays,
                          .n_shards = 1,
+                         .distortion = distortion,
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
     TrainShard(LoadDataset(scene_, 1),
@@ -133,7 +134,7 @@ class HashGradientTest : public testing::Test {
   }
 
   // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
-  double TrainTwin(int pixel_rays) {
+  double TrainTwin(int pixel_rays, float distortion) {
     const Samples& samples = result_.samples;
     const std::vector<BatchRay>& rays = scratch_.batch.rays;
     std::vector<double> harmonics, deltas(scratch_.delta.begin(), scratch_.delta.begin() + samples.size());
@@ -155,6 +156,7 @@ class HashGradientTest : public testing::Test {
       const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
       const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / pixel_rays;
       const at::Tensor transmittance = torch::exp(-own.sum()) / pixel_rays;
+      loss = loss + Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / pixel_rays;
       first += ray.n_kept;
       const bool begins = r % static_cast<std::size_t>(pixel_rays) == 0;
       pixel_colour = begins ? colour : pixel_colour + colour;
@@ -164,6 +166,17 @@ class HashGradientTest : public testing::Test {
     }
     (loss * pixel_rays / kRays).backward();
     return loss.item<double>();
+  }
+
+  // Of a ray with the given weights and the samples from `first` on, by its definition.
+  at::Tensor Distortion(const at::Tensor& weights, std::size_t first) const {
+    std::vector<double> places, lengths;
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i) {
+      places.push_back(std::log(double{scratch_.t[i]}));
+      lengths.push_back(double{scratch_.delta[i]} / double{scratch_.t[i]});
+    }
+    const at::Tensor s = Doubles(places), between = (s.unsqueeze(0) - s.unsqueeze(1)).abs();
+    return weights.dot(between.mv(weights)) + (weights * weights).dot(Doubles(lengths)) / 3;
   }
 
   // Gradient of the table, from those of the features.
@@ -201,13 +214,13 @@ using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashGradientTest, Reals);
 
 TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
-  for (const int pixel_rays : {1, 4}) {
-    SCOPED_TRACE(pixel_rays);
-    this->Train(pixel_rays);
+  for (const auto& [pixel_rays, distortion] : {std::pair(1, 0.f), {4, 0.f}, {1, 0.3f}, {4, 0.3f}}) {
+    SCOPED_TRACE(testing::Message() << pixel_rays << " rays, distortion " << distortion);
+    this->Train(pixel_rays, distortion);
     ASSERT_TRUE(this->result_.finite);
     ASSERT_GT(this->result_.samples.size(), 500);
     this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
-    const double loss = this->TrainTwin(pixel_rays);
+    const double loss = this->TrainTwin(pixel_rays, distortion);
     EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
     EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
     EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
