@@ -26,7 +26,7 @@ struct BatchPlan {
   float step_scale = 1;  // of the sampler's intervals
   // On which all pixels must look right; without it, on any (volume_rendering.h).
   std::optional<std::array<float, 3>> background;
-  float distortion = 0;  // weight of that loss (distortion.h), a mean over rays
+  float distortion = 0;  // `hash`: weight of that loss (distortion.h), a mean over rays
   // Optical depth at which a ray ends; the light left over counts as background.
   float early_stop_depth = 6.9f;
   // Samples a ray contributes to one wave before its transmittance is looked at: what is marched and queried

@@ -88,14 +88,16 @@ TEST(Trainer, LearnsABallOnPaperWithoutThePaper) {
 
 TEST(Trainer, SameBytesForAnyNumberOfThreads) {
   const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 8, 0);
   std::set<std::string> hashes;
-  for (const bool bf16 : {false, true}) {
+  std::size_t n_kinds = 0;
+  for (const auto& [bf16, behind] :
+       {std::pair(false, Behind::kNothing), {true, Behind::kNothing}, {true, Behind::kRoom}}) {
+    const io::Scene train = MakeScene(dir.path(), 8, 0, behind);
     for (const int threads : {1, 3}) {
       TrainOptions options = SmallOptions(40);
       options.threads = threads;
       options.field.bf16_table = options.field.bf16_network = bf16;
-      const auto folder = dir.path() / (std::to_string(threads) + std::to_string(bf16));
+      const auto folder = dir.path() / (std::to_string(n_kinds) + "_" + std::to_string(threads));
       std::filesystem::create_directories(folder);
       Train(train, {}, options, folder);
       const auto field = TrainedField::Load(folder / "checkpoint.bin");
@@ -103,7 +105,7 @@ TEST(Trainer, SameBytesForAnyNumberOfThreads) {
           field->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = threads});
       hashes.insert(io::HashBytes({reinterpret_cast<const char*>(view.rgb.data()), view.rgb.size() * 4}));
     }
-    EXPECT_EQ(hashes.size(), bf16 ? 2u : 1u) << "one picture per precision";
+    EXPECT_EQ(hashes.size(), ++n_kinds) << "one picture per precision and kind of scene";
   }
 }
 
