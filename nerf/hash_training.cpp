@@ -18,6 +18,9 @@ constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
 // away. It grows over the first share of a run: at full weight from the start it can drive all light into fog
 // right before the cameras.
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
+// In unbounded scenes gradients are whole from here on: the median camera's distance from the centre of the
+// region of interest.
+constexpr float kFullGradientDistance = 4;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;
@@ -76,8 +79,10 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
   plan.wave_samples = kWaveSamples;
   plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
-  if (scene_field_->map.unbounded)
+  if (scene_field_->map.unbounded) {
     plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
+    plan.full_gradient_distance = kFullGradientDistance;
+  }
   plan.min_weight = static_cast<float>(options_.min_weight);
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
   workers_->Run(kShards, [&](int shard, int thread) {

@@ -27,6 +27,10 @@ struct BatchPlan {
   // On which all pixels must look right; without it, on any (volume_rendering.h).
   std::optional<std::array<float, 3>> background;
   float distortion = 0;  // `hash`: weight of that loss (distortion.h), a mean over rays
+  // `hash`: gradients of samples nearer than this are scaled by the square of their share of it [Philip and
+  // Deschaintre 2023]. Near a camera few rays of others pass, and all of its own are dense: unscaled, things
+  // that this one view alone has seen grow right before it. 0: none.
+  float full_gradient_distance = 0;
   // Optical depth at which a ray ends; the light left over counts as background.
   float early_stop_depth = 6.9f;
   // Samples a ray contributes to one wave before its transmittance is looked at: what is marched and queried

@@ -109,12 +109,14 @@ float DistortRay(
 
 // Gradients of the same ray, from the loss of its pixel and its distortion.
 template <typename Real>
-void DifferentiateRay(std::size_t begin,
+void DifferentiateRay(std::size_t first,
+                      std::size_t begin,
                       std::size_t end,
                       const std::vector<float>& rgb,
                       float transmittance_end,
                       const PixelLoss<float>& pixel,
                       float scale,
+                      float full_gradient_distance,
                       ShardScratch<Real>* scratch) {
   float *logits = scratch->logit_gradients.data(), *log_sigma = scratch->log_sigma_gradients.data();
   CompositeGradients(static_cast<int>(end - begin),
@@ -129,6 +131,12 @@ void DifferentiateRay(std::size_t begin,
   // sigma = exp(logit) and rgb = sigmoid(logit).
   for (std::size_t i = begin; i < end; ++i) log_sigma[i] *= scratch->tau[i];
   for (std::size_t i = 3 * begin; i < 3 * end; ++i) logits[i] *= rgb[i] * (1.f - rgb[i]);
+  for (std::size_t i = begin; i < end; ++i) {
+    const float share = scratch->t[first + i] / full_gradient_distance;
+    if (!(share < 1)) continue;
+    log_sigma[i] *= share * share;
+    for (std::size_t j = 3 * i; j < 3 * i + 3; ++j) logits[j] *= share * share;
+  }
 }
 
 // Loss and gradients of the rays [ray_begin, ray_end), whose samples are the rows from `first` on.
@@ -180,12 +188,14 @@ void DifferentiateRays(const HashNetwork<Real>& network,
     const PixelLoss<float> pixel = LossOf(colour, transmittance, ray.target);
     for (int i = r; i < r + plan.pixel_rays; ++i) {
       result->loss += share * DistortRay(first, begin_of(i), begin_of(i + 1), plan.distortion, scratch);
-      DifferentiateRay(begin_of(i),
+      DifferentiateRay(first,
+                       begin_of(i),
                        begin_of(i + 1),
                        rows.rgb,
                        transmittance_end[static_cast<std::size_t>(i - r)],
                        pixel,
                        1.f / static_cast<float>(plan.n_rays),
+                       plan.full_gradient_distance,
                        scratch);
     }
     if (!std::isfinite(pixel.loss) && result->finite) {

@@ -113,7 +113,7 @@ class HashGradientTest : public testing::Test {
     field_.Refresh();
   }
 
-  void Train(int pixel_rays, float distortion) {
+  void Train(int pixel_rays, float distortion, float full_gradient_distance) {
     const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, map_, grid_);
     // Every sample counts, so that the twin needs no choice of its own.
     const BatchPlan plan{.seed = 3,
@@ -121,6 +121,7 @@ class HashGradientTest : public testing::Test {
                          .pixel_rays = pixel_rays,
                          .n_shards = 1,
                          .distortion = distortion,
+                         .full_gradient_distance = full_gradient_distance,
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
     TrainShard(LoadDataset(scene_, 1),
@@ -134,7 +135,7 @@ class HashGradientTest : public testing::Test {
   }
 
   // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
-  double TrainTwin(int pixel_rays, float distortion) {
+  double TrainTwin(int pixel_rays, float distortion, float full_gradient_distance) {
     const Samples& samples = result_.samples;
     const std::vector<BatchRay>& rays = scratch_.batch.rays;
     std::vector<double> harmonics, deltas(scratch_.delta.begin(), scratch_.delta.begin() + samples.size());
@@ -144,8 +145,15 @@ class HashGradientTest : public testing::Test {
       SphericalHarmonics(d, values);
       for (int i = 0; i < ray.n_kept; ++i) harmonics.insert(harmonics.end(), values, values + kHarmonics);
     }
-    const Outputs outputs = Network(
+    Outputs outputs = Network(
         Encode(field_.grid().levels(), samples, table_), Doubles(harmonics).view({-1, kHarmonics}), weights_);
+    if (full_gradient_distance > 0) {
+      std::vector<double> shares(scratch_.t.begin(), scratch_.t.begin() + samples.size());
+      for (double& share : shares) share = std::pow(std::min(share / full_gradient_distance, 1.0), 2);
+      const at::Tensor share = Doubles(shares);
+      outputs.sigma = share * outputs.sigma + (1 - share) * outputs.sigma.detach();
+      outputs.rgb = share.unsqueeze(1) * outputs.rgb + (1 - share.unsqueeze(1)) * outputs.rgb.detach();
+    }
     const at::Tensor tau = outputs.sigma * Doubles(deltas);
     at::Tensor loss = torch::zeros({}, torch::kDouble);
     std::int64_t first = 0;
@@ -214,13 +222,18 @@ using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashGradientTest, Reals);
 
 TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
-  for (const auto& [pixel_rays, distortion] : {std::pair(1, 0.f), {4, 0.f}, {1, 0.3f}, {4, 0.3f}}) {
-    SCOPED_TRACE(testing::Message() << pixel_rays << " rays, distortion " << distortion);
-    this->Train(pixel_rays, distortion);
+  struct Case {
+    int pixel_rays;
+    float distortion, full_gradient_distance;
+  };
+  for (const Case& c : {Case{1, 0, 0}, {4, 0, 0}, {1, 0.3f, 0}, {4, 0.3f, 0}, {1, 0.3f, 4}}) {
+    SCOPED_TRACE(testing::Message() << c.pixel_rays << " rays, distortion " << c.distortion
+                                    << ", whole gradients from " << c.full_gradient_distance);
+    this->Train(c.pixel_rays, c.distortion, c.full_gradient_distance);
     ASSERT_TRUE(this->result_.finite);
     ASSERT_GT(this->result_.samples.size(), 500);
     this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
-    const double loss = this->TrainTwin(pixel_rays, distortion);
+    const double loss = this->TrainTwin(c.pixel_rays, c.distortion, c.full_gradient_distance);
     EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
     EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
     EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
