@@ -60,8 +60,8 @@ struct SceneFieldOptions {
 //   says otherwise (training_schedule.h)
 // Pictures with alpha, given or from a plain background: the space is the cube around their visual hull.
 // Others: contracted space around a cube of one to two times scene.aabb that holds 90 % of the sparse points.
-// `nerf` has the report's intervals, (far - near) / 192, in bounded scenes, and with a fixed number of samples
-// per ray those between near and far.
+// `nerf` has the report's intervals, (far - near) / 192, in bounded scenes, and with a fixed number of
+// samples per ray those between near and far.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,
