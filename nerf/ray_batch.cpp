@@ -44,6 +44,7 @@ void DrawRays(
     auto& [random, pixel] = draws[p];
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
+    const float phase = random.Uniform(), share = 1.f / static_cast<float>(plan.pixel_rays);
     for (int k = 0; k < plan.pixel_rays; ++k) {
       const PixelCell cell = CellOfPixel(k, plan.pixel_rays);
       const float u = plan.pixel_rays > 1 ? random.Uniform() : 0.5f,
@@ -54,7 +55,8 @@ void DrawRays(
           .target = targets[p],
       };
       sampler.Range(ray.ray, &ray.t, &ray.t_last);
-      ray.t += random.Uniform() * sampler.Delta(plan.step_scale, ray.t);
+      const float offset = phase + static_cast<float>(k) * share;
+      ray.t += (offset < 1 ? offset : offset - 1) * sampler.Delta(plan.step_scale, ray.t);
       batch->rays.push_back(ray);
     }
   }

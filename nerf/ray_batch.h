@@ -61,7 +61,7 @@ struct RayBatch {
 };
 
 // Rays of one shard through random used pixels of all pictures, each starting within its first interval at
-// random. A pixel with one ray is met at its centre.
+// random, those of a pixel staggered evenly. A pixel with one ray is met at its centre.
 void DrawRays(
     const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch);
 

@@ -93,6 +93,7 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
 
 void RenderPruned(const SceneField& scene_field,
                   std::span<const Ray> rays,
+                  int pixel_rays,
                   float step_scale,
                   Scratch* scratch,
                   RenderedRay* out) {
@@ -101,6 +102,8 @@ void RenderPruned(const SceneField& scene_field,
   for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
     RayState state{.index = i, .t = 0, .t_last = 0};
     sampler.Range(rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
+    const float share = static_cast<float>(i % pixel_rays) / static_cast<float>(pixel_rays);
+    state.t += share * sampler.Delta(step_scale, state.t);
     out[i] = {{0, 0, 0}, 1, 0};
     scratch->active.push_back(state);
   }
@@ -172,12 +175,13 @@ void RenderStratified(const SceneField& scene_field,
 
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
+                                    int pixel_rays,
                                     float step_scale,
                                     Workers* workers) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
   const bool stratified = scene_field.field->quadrature().n_samples > 0;
-  const int per_task = stratified ? kStratifiedRays : kRaysPerTask;
+  const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / pixel_rays * pixel_rays;
   const int n_tasks = (static_cast<int>(rays.size()) + per_task - 1) / per_task;
   workers->Run(n_tasks, [&](int task, int thread) {
     const std::size_t first = static_cast<std::size_t>(task) * static_cast<std::size_t>(per_task);
@@ -187,7 +191,7 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
     if (stratified) {
       RenderStratified(scene_field, mine, own, &out[first]);
     } else {
-      RenderPruned(scene_field, mine, step_scale, own, &out[first]);
+      RenderPruned(scene_field, mine, pixel_rays, step_scale, own, &out[first]);
     }
   });
   return out;
@@ -205,7 +209,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
     const PixelCell cell = CellOfPixel(static_cast<int>(i % n), pixel_rays);
     rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
   }
-  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, step_scale, workers);
+  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, pixel_rays, step_scale, workers);
   const float share = 1.f / static_cast<float>(n);
   std::vector<RenderedRay> means(pixels.size());
   for (std::size_t i = 0; i < rendered.size(); ++i) {

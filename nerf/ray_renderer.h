@@ -24,10 +24,13 @@ struct CameraPixel {
   int x, y;
 };
 
-// step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h).
-// Results do not depend on the number of workers.
+// step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
+// pixel_rays rays of a pixel follow one another; along the occupancy grid their first intervals are staggered
+// evenly, so that their mean sees the surface at as many depths. Results do not depend on the number of
+// workers.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
+                                    int pixel_rays,
                                     float step_scale,
                                     Workers* workers);
 

@@ -13,9 +13,9 @@ namespace nerf {
 
 struct RenderOptions {
   int threads = 1;
-  // Sampling interval, as a share of the one in training. Half of it is worth 0.2 to 0.7 dB for twice the
-  // samples.
-  float step_scale = 0.5f;
+  // Sampling interval, as a share of the one in training. 0: what is worth its time, 0.5 with one ray per
+  // pixel, 0.7 with several, which share the work of finding the surface.
+  float step_scale = 0;
   // Rays per pixel: 1, 4, 9, 16, or 0: as the field was trained. Fewer are faster, and jagged.
   int pixel_rays = 0;
   // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose

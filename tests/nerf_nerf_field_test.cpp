@@ -52,7 +52,7 @@ class TrainedBall : public testing::Test {
   static std::vector<double> Render(const SceneField& scene_field, float step_scale) {
     Workers workers(2);
     std::vector<double> colours;
-    for (const RenderedRay& ray : RenderRays(scene_field, rays_, step_scale, &workers)) {
+    for (const RenderedRay& ray : RenderRays(scene_field, rays_, 1, step_scale, &workers)) {
       for (const float c : ray.rgb) colours.push_back(c + ray.transmittance);
     }
     return colours;

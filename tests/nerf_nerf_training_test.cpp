@@ -163,7 +163,7 @@ TEST(NerfTraining, TheReportsOptionsTrainAndRender) {
     const RayCamera rays(camera, scene.frames[0].world_from_cam, 0.5 * half);
     for (int x = 0; x < camera.width; ++x) {
       const Ray ray = rays.RayThrough(x, 12);
-      const RenderedRay want = RenderRays(*scene_field, {&ray, 1}, 0.5f, &workers)[0];
+      const RenderedRay want = RenderRays(*scene_field, {&ray, 1}, 1, 0.5f, &workers)[0];
       const float got = view.rgb[static_cast<std::size_t>(3 * (12 * camera.width + x))];
       ASSERT_TRUE(std::isfinite(got));
       largest[half] = std::max(largest[half], std::fabs(double{got} - want.rgb[0] - want.transmittance));

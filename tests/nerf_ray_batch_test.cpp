@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -107,6 +108,35 @@ TEST(DrawRays, RaysOfAPixelAreRandomInTheCellsOfItsLattice) {
     }
     spread /= 2.0 * static_cast<double>(rays.size());
     EXPECT_NEAR(spread, pixel_rays == 1 ? 0 : 0.25, 0.03) << "one ray is in the centre, several are random";
+  }
+}
+
+TEST(DrawRays, RaysOfAPixelStartStaggeredWithinTheirFirstInterval) {
+  const Dataset dataset = OneView();
+  const SpaceMap map{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, map);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, map, grid);
+  for (const int pixel_rays : {1, 4}) {
+    RayBatch batch;
+    DrawRays(
+        dataset, sampler, {.seed = 1, .n_rays = 400, .pixel_rays = pixel_rays, .n_shards = 1}, 0, &batch);
+    ASSERT_EQ(batch.rays.size(), 400u);
+    double mean = 0;
+    for (std::size_t first = 0; first < batch.rays.size(); first += static_cast<std::size_t>(pixel_rays)) {
+      std::vector<double> offsets;
+      for (std::size_t r = first; r < first + static_cast<std::size_t>(pixel_rays); ++r) {
+        float begin, end;
+        sampler.Range(batch.rays[r].ray, &begin, &end);
+        offsets.push_back((batch.rays[r].t - begin) / 0.1);
+        mean += offsets.back() / 400;
+      }
+      std::sort(offsets.begin(), offsets.end());
+      EXPECT_GE(offsets.front(), -1e-5);
+      EXPECT_LT(offsets.back(), 1 + 1e-5);
+      for (std::size_t k = 1; k < offsets.size(); ++k)
+        EXPECT_NEAR(offsets[k] - offsets[k - 1], 1.0 / pixel_rays, 1e-5);
+    }
+    EXPECT_NEAR(mean, 0.5, 0.05);
   }
 }
 

@@ -44,7 +44,7 @@ class RayRenderer : public testing::Test {
 
   RenderedRay RenderAlong(const Ray& ray, float step_scale = 1.f) {
     Workers workers(1);
-    return RenderRays(fog_, {&ray, 1}, step_scale, &workers)[0];
+    return RenderRays(fog_, {&ray, 1}, 1, step_scale, &workers)[0];
   }
 
   SceneField fog_;
@@ -82,18 +82,33 @@ TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
     ASSERT_EQ(rendered.size(), pixels.size());
     for (std::size_t p = 0; p < pixels.size(); ++p) {
       double transmittance = 0, depth = 0, red = 0;
+      std::vector<Ray> rays;
       for (const float dy : n == 1 ? std::vector<float>{0} : std::vector<float>{-0.25f, 0.25f}) {
-        for (const float dx : n == 1 ? std::vector<float>{0} : std::vector<float>{-0.25f, 0.25f}) {
-          const RenderedRay ray = RenderAlong(ray_camera.RayThrough(pixels[p].x, pixels[p].y, dx, dy));
-          transmittance += ray.transmittance / n, depth += ray.depth / n, red += ray.rgb[0] / n;
-        }
+        for (const float dx : n == 1 ? std::vector<float>{0} : std::vector<float>{-0.25f, 0.25f})
+          rays.push_back(ray_camera.RayThrough(pixels[p].x, pixels[p].y, dx, dy));
       }
+      for (const RenderedRay& ray : RenderRays(fog_, rays, n, 1.f, &workers))
+        transmittance += ray.transmittance / n, depth += ray.depth / n, red += ray.rgb[0] / n;
       EXPECT_NEAR(rendered[p].transmittance, transmittance, 1e-6);
       EXPECT_NEAR(rendered[p].depth, depth, 1e-5 * depth);
       EXPECT_NEAR(rendered[p].rgb[0], red, 1e-6);
       EXPECT_GT(transmittance, 0.01);
       EXPECT_LT(transmittance, 0.99);
     }
+  }
+}
+
+// Four rays that start a quarter of an interval apart sample the fog like one of intervals a quarter as long:
+// sum over k < 4 of ceil(x - k / 4) = ceil(4 x).
+TEST_F(RayRenderer, TheRaysOfAPixelAreStaggered) {
+  Fill();
+  Workers workers(1);
+  for (const float length : {0.031f, 0.512f, 0.537f, 0.561f, 2.086f}) {
+    const std::vector<Ray> rays(4, Ray{{0, 0, 50 - length}, {0, 0, 1}});
+    double depth = 0;
+    for (const RenderedRay& ray : RenderRays(fog_, rays, 4, 1.f, &workers))
+      depth -= std::log(double{ray.transmittance}) / 4;
+    EXPECT_NEAR(depth, -std::log(double{RenderAlong(rays[0], 0.25f).transmittance}), 2e-6) << length;
   }
 }
 
