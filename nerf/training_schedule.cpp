@@ -12,8 +12,7 @@ double TrainingSchedule::LearningRate(double progress) const {
 }
 
 double TrainingSchedule::StepScale(double progress) const {
-  const double share = std::min(1.0, progress / step_scale_share);
-  return std::pow(first_step_scale, 1 - share) * std::pow(last_step_scale, share);
+  return std::pow(first_step_scale, 1 - std::min(1.0, progress / step_scale_share));
 }
 
 std::string TrainingSchedule::Text() const {
@@ -25,7 +24,7 @@ std::string TrainingSchedule::Text() const {
                 sizeof text,
                 "tables of 2^%d entries, finest cells of %g pixels; moments per %s; rate %g for %.0f %% of "
                 "the run, then "
-                "falling to %g; intervals %g times as long at first, %g after %.0f %%%s",
+                "falling to %g; intervals %g times as long at first, 1 after %.0f %%%s",
                 log2_hashmap_size,
                 finest_cell_pixels,
                 entry_moments ? "entry" : "value",
@@ -33,7 +32,6 @@ std::string TrainingSchedule::Text() const {
                 100 * hold,
                 learning_rate * last_rate,
                 first_step_scale,
-                last_step_scale,
                 100 * step_scale_share,
                 pixels);
   return text;
@@ -41,14 +39,13 @@ std::string TrainingSchedule::Text() const {
 
 TrainingSchedule ScheduleFor(double n_samples) {
   TrainingSchedule schedule;
-  if (n_samples < 30e6) {
-    schedule = {.log2_hashmap_size = n_samples < 8e6 ? 15 : 16,
-                .finest_cell_pixels = 2,
+  if (n_samples < 100e6) {
+    schedule = {.log2_hashmap_size = n_samples < 30e6 ? 16 : 17,
+                .finest_cell_pixels = 1.4,
                 .entry_moments = true,
                 .learning_rate = 2e-2,
                 .hold = 0.8,
                 .last_rate = 0.1,
-                .last_step_scale = 1.5,
                 .step_scale_share = 0.8,
                 .pixel_rays_from = 1};
   } else if (n_samples > 160e6) {

@@ -14,9 +14,9 @@ struct TrainingSchedule {
   double learning_rate = 1e-2;  // held for a share of the run ...
   double hold = 0.6;
   double last_rate = 0.02;  // ... before it falls exponentially to this share
-  // Sampling intervals start longer than the field's own, for more rays with the same samples, and shrink
-  // exponentially within a share of the run.
-  double first_step_scale = 6, last_step_scale = 1, step_scale_share = 0.5;
+  // Sampling intervals start so much longer than the field's own, for more rays with the same samples, and
+  // shrink to it exponentially within a share of the run.
+  double first_step_scale = 6, step_scale_share = 0.5;
   // From this share of the run on, a pixel is the mean of several rays, as in the camera: edges may then be
   // sharper than a pixel. 1: never.
   int pixel_rays = 4;

@@ -39,24 +39,31 @@ TrainOptions SmallOptions(int steps) {
   return options;
 }
 
-TEST(Trainer, LearnsABallFromPicturesWithAlpha) {
-  const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 16, 0), heldout = MakeScene(dir.path(), 4, 0.37);
-  TrainOptions options = SmallOptions(400);
-  options.threads = 2;
-  const TrainReport report = Train(train, heldout, options, dir.path());
-  EXPECT_EQ(report.steps, 400u);
-  EXPECT_GE(report.heldout_psnr, 27.0);
-  EXPECT_EQ(report.restarts, 0);
+// With alpha, and on paper of one colour, which must not become a thing in space.
+TEST(Trainer, LearnsABallAndNothingAroundIt) {
+  for (const Behind behind : {Behind::kNothing, Behind::kPaper}) {
+    SCOPED_TRACE(behind == Behind::kPaper ? "on paper" : "with alpha");
+    const TempDir dir;
+    const io::Scene train = MakeScene(dir.path(), 16, 0, behind),
+                    heldout = MakeScene(dir.path(), 4, 0.37, behind);
+    TrainOptions options = SmallOptions(400);
+    options.threads = 2;
+    const TrainReport report = Train(train, heldout, options, dir.path());
+    EXPECT_EQ(report.steps, 400u);
+    EXPECT_GE(report.heldout_psnr, 27.0);
+    EXPECT_EQ(report.restarts, 0);
 
-  const auto field = TrainedField::Load(dir.path() / "checkpoint.bin");
-  const RenderedView view =
-      field->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
-  const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
-  EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
-  EXPECT_GT(view.opacity[middle], 0.99);
-  EXPECT_LT(view.opacity[0], 0.01);
-  EXPECT_NEAR(view.rgb[0], 1.0, 0.01);  // the white background of the render options
+    const RenderedView view =
+        TrainedField::Load(dir.path() / "checkpoint.bin")
+            ->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
+    const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
+    EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
+    EXPECT_GT(view.opacity[middle], 0.99);
+    EXPECT_LT(view.opacity[0], 0.01);
+    // White is the background of the render options.
+    for (std::size_t j = 0; j < 3; ++j)
+      EXPECT_NEAR(view.rgb[j], behind == Behind::kPaper ? tests::kPaper[j] / 255.0 : 1.0, 0.01);
+  }
 }
 
 TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
@@ -67,23 +74,6 @@ TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
   options.threads = 2;
   const TrainReport report = Train(train, heldout, options, dir.path());
   EXPECT_GE(report.heldout_psnr, 22.0);
-}
-
-TEST(Trainer, LearnsABallOnPaperWithoutThePaper) {
-  const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 16, 0, Behind::kPaper),
-                  heldout = MakeScene(dir.path(), 4, 0.37, Behind::kPaper);
-  TrainOptions options = SmallOptions(400);
-  options.threads = 2;
-  EXPECT_GE(Train(train, heldout, options, dir.path()).heldout_psnr, 27.0);
-  const RenderedView view =
-      TrainedField::Load(dir.path() / "checkpoint.bin")
-          ->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
-  const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
-  EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
-  EXPECT_GT(view.opacity[middle], 0.99);
-  EXPECT_LT(view.opacity[0], 0.01);
-  for (std::size_t j = 0; j < 3; ++j) EXPECT_NEAR(view.rgb[j], tests::kPaper[j] / 255.0, 0.01);
 }
 
 TEST(Trainer, SameBytesForAnyNumberOfThreads) {

@@ -9,17 +9,17 @@ namespace nerf {
 namespace {
 
 TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
-  for (const double n_samples : {1e6, 2e7, 1e8, 1e9}) {
+  for (const double n_samples : {1e6, 5e7, 1.2e8, 1e9}) {
     const TrainingSchedule schedule = ScheduleFor(n_samples);
     EXPECT_EQ(schedule.LearningRate(0), schedule.learning_rate);
     EXPECT_EQ(schedule.LearningRate(schedule.hold), schedule.learning_rate);
     EXPECT_NEAR(schedule.LearningRate(1), schedule.learning_rate * schedule.last_rate, 1e-12);
     EXPECT_EQ(schedule.StepScale(0), schedule.first_step_scale);
-    EXPECT_NEAR(schedule.StepScale(schedule.step_scale_share), schedule.last_step_scale, 1e-12);
-    EXPECT_NEAR(schedule.StepScale(1), schedule.last_step_scale, 1e-12);
+    EXPECT_NEAR(schedule.StepScale(schedule.step_scale_share), 1, 1e-12);
+    EXPECT_NEAR(schedule.StepScale(1), 1, 1e-12);
     EXPECT_EQ(schedule.PixelRays(0), 1);
     EXPECT_EQ(schedule.PixelRays(0.699), 1);
-    EXPECT_EQ(schedule.PixelRays(0.701), n_samples > 3e7 ? 4 : 1);
+    EXPECT_EQ(schedule.PixelRays(0.701), n_samples > 1e8 ? 4 : 1);
     for (int i = 0; i < 100; ++i) {
       EXPECT_GE(schedule.LearningRate(0.01 * i), schedule.LearningRate(0.01 * (i + 1)));
       EXPECT_GE(schedule.StepScale(0.01 * i), schedule.StepScale(0.01 * (i + 1)));
@@ -29,16 +29,14 @@ TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
 }
 
 TEST(TrainingSchedule, CapacityGrowsWithTheBudget) {
-  int before = 0;
-  double cell_before = 10;
-  for (const double n_samples : {1e6, 2e7, 1e8, 1e9}) {
+  TrainingSchedule before = ScheduleFor(1e6);
+  for (const double n_samples : {5e7, 1.2e8, 1e9}) {
     const TrainingSchedule schedule = ScheduleFor(n_samples);
-    EXPECT_GT(schedule.log2_hashmap_size, before);
-    EXPECT_LE(schedule.finest_cell_pixels, cell_before);
-    before = schedule.log2_hashmap_size;
-    cell_before = schedule.finest_cell_pixels;
+    EXPECT_GE(schedule.log2_hashmap_size, before.log2_hashmap_size);
+    EXPECT_LE(schedule.finest_cell_pixels, before.finest_cell_pixels);
+    EXPECT_NE(schedule.Text(), before.Text());
+    before = schedule;
   }
-  EXPECT_LT(cell_before, ScheduleFor(1e6).finest_cell_pixels);
 }
 
 TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
@@ -47,6 +45,11 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   options.samples_per_step = 1 << 14;
   EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, ScheduleFor(100 << 14).log2_hashmap_size);
   options.steps = 0;
+  options.threads = 2;
+  for (const double time_s : {12, 13}) {  // 28.8 and 31.2 million samples
+    options.time_s = time_s;
+    EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, time_s == 12 ? 16 : 17);
+  }
   options.time_s = 3600;
   EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, ScheduleFor(1e9).log2_hashmap_size);
   options.schedule = TrainingSchedule{.log2_hashmap_size = 11};
