@@ -13,7 +13,8 @@
 //                         E 1/2 sum_j (C_j - C*_j + b_j D)^2 = 1/2 sum_j e_j^2 + 1/8 D^2,
 //                       so none needs to be drawn. Opaque pictures are the case A* = 1: light that leaves the
 //                       scene is an error.
-//   fixed background    mean over channels of (C_j - C*_j + b_j D)^2, the report's loss with b = 1.
+//   fixed background    mean over channels of (C_j - C*_j + b_j D)^2, the report's loss with b = 1. Also for
+//                       pixels that have some plain background in them (plain_background.h): A* = 1.
 #pragma once
 
 #include <cmath>
