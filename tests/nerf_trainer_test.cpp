@@ -137,13 +137,12 @@ TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
     options.schedule = TrainingSchedule{.pixel_rays_from = 0.9};
     Train(train, {}, options, folder);
     const auto field = TrainedField::Load(folder / "checkpoint.bin");
-    const auto rgb = [&](int pixel_rays) {
-      return field
-          ->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1, .pixel_rays = pixel_rays})
-          .rgb;
+    const auto rgb = [&](int pixel_rays, float step_scale) {
+      const RenderOptions render{.threads = 1, .step_scale = step_scale, .pixel_rays = pixel_rays};
+      return field->Render(train.cameras[0], train.frames[0].world_from_cam, render).rgb;
     };
-    EXPECT_EQ(rgb(0), rgb(opaque ? 1 : 4)) << "several rays are for bounded scenes";
-    EXPECT_NE(rgb(1), rgb(4));
+    EXPECT_EQ(rgb(0, 0), opaque ? rgb(1, 0.5f) : rgb(4, 0.7f)) << "several rays are for bounded scenes";
+    EXPECT_NE(rgb(1, 0.5f), rgb(4, 0.7f));
   }
 }
 
