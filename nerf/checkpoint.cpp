@@ -32,14 +32,13 @@ struct Entry {
 
 std::vector<Entry> Entries(SceneField* scene_field) {
   std::vector<Entry> entries;
-  const auto add = [&](const std::string& name, auto* values) {
-    entries.push_back(
-        {name, reinterpret_cast<char*>(values->data()), values->size() * sizeof(*values->data())});
+  const auto add = [&](const std::string& name, auto values) {
+    entries.push_back({name, reinterpret_cast<char*>(values.data()), values.size_bytes()});
   };
   for (const Tensor& tensor : scene_field->field->State()) add(tensor.name, tensor.values);
-  add("occupancy", &scene_field->grid.density());
+  add("occupancy", std::span(scene_field->grid.density()));
   // Rebuilt only every few steps, so not a function of the densities at this one.
-  add("occupancy_distance", &scene_field->grid.distance());
+  add("occupancy_distance", std::span(scene_field->grid.distance()));
   return entries;
 }
 

@@ -60,13 +60,13 @@ const View& Dataset::ViewOf(std::size_t pixel) const {
 
 std::size_t Dataset::UsedPixel(std::size_t rank) const {
   if (runs.empty()) return rank;
-  const PixelRun& run =
-      *(std::upper_bound(runs.begin(),
-                         runs.end(),
-                         rank,
-                         [](std::size_t r, const PixelRun& next) { return r < next.first_rank; }) -
-        1);
-  return run.first_pixel + (rank - run.first_rank);
+  // Halving without branches, which would be mispredicted: the searches of several ranks then overlap.
+  const PixelRun* run = runs.data();
+  for (std::size_t n = runs.size() - 1, half; n > 1; n -= half) {
+    half = n / 2;
+    run += run[half].first_rank <= rank ? half : 0;
+  }
+  return run->first_pixel + (rank - run->first_rank);
 }
 
 std::vector<bool> Dataset::UsedPixels() const {

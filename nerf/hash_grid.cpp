@@ -89,7 +89,7 @@ std::size_t HashGrid::gradient_size() const {
   return size;
 }
 
-std::vector<Tensor> HashGrid::State() { return {{"table", &table_}, {"table_m", &m_}, {"table_v", &v_}}; }
+std::vector<Tensor> HashGrid::State() { return {{"table", table_}, {"table_m", m_}, {"table_v", v_}}; }
 
 template void HashGrid::Encode(const Samples&, int, int, float*) const;
 template void HashGrid::Encode(const Samples&, int, int, kernels::Bf16*) const;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "nerf/aligned_vector.h"
 #include "nerf/kernels/kernels.h"
 #include "nerf/radiance_field.h"
 
@@ -52,9 +53,9 @@ class HashGrid {
   HashGridOptions options_;
   const kernels::Kernels& kernels_;
   std::vector<kernels::GridLevel> levels_;
-  std::vector<float> table_;            // [entries][kFeatures]
-  std::vector<float> m_, v_;            // the same, or empty and [entries]
-  std::vector<kernels::Bf16> rounded_;  // of table_; empty unless options_.bf16
+  AlignedVector<float> table_;            // [entries][kFeatures]
+  AlignedVector<float> m_, v_;            // the same, or empty and [entries]
+  AlignedVector<kernels::Bf16> rounded_;  // of table_; empty unless options_.bf16
 };
 
 }  // namespace nerf

@@ -177,7 +177,7 @@ void HashNetwork<Real>::Step(const kernels::AdamStep& step, float* weight_gradie
 
 template <typename Real>
 std::vector<Tensor> HashNetwork<Real>::State() {
-  return {{"weights", &weights_}, {"weights_m", &weights_m_}, {"weights_v", &weights_v_}};
+  return {{"weights", weights_}, {"weights_m", weights_m_}, {"weights_v", weights_v_}};
 }
 
 template struct NetworkRows<float>;

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "nerf/aligned_vector.h"
 #include "nerf/kernels/kernels.h"
 #include "nerf/radiance_field.h"
 
@@ -20,15 +21,15 @@ namespace nerf {
 template <typename Real>
 struct NetworkRows {
   int n = 0;
-  std::vector<Real> features, hidden;        // [n][32], [n][64]
-  std::vector<float> out, sigma;             // [n][16], [n]
-  std::vector<Real> colour_in;               // [n][32] = out, harmonics
-  std::vector<Real> colour1, colour2;        // [n][64]
-  std::vector<float> rgb;                    // [n][3]
-  std::vector<Real> gradient_a, gradient_b;  // [n][64] scratch of the backward pass
-  std::vector<float> out_gradient;           // [n][16]
-  std::vector<Real> rounded_out_gradient;    // [n][16]
-  std::vector<Real> features_gradient;       // [n][32]
+  AlignedVector<Real> features, hidden;        // [n][32], [n][64]
+  AlignedVector<float> out, sigma;             // [n][16], [n]
+  AlignedVector<Real> colour_in;               // [n][32] = out, harmonics
+  AlignedVector<Real> colour1, colour2;        // [n][64]
+  AlignedVector<float> rgb;                    // [n][3]
+  AlignedVector<Real> gradient_a, gradient_b;  // [n][64] scratch of the backward pass
+  AlignedVector<float> out_gradient;           // [n][16]
+  AlignedVector<Real> rounded_out_gradient;    // [n][16]
+  AlignedVector<Real> features_gradient;       // [n][32]
 
   void Resize(int rows);
 };
@@ -73,7 +74,7 @@ class HashNetwork {
   const kernels::NetworkKernels<Real>& layers_;
   std::vector<float> weights_, weights_m_, weights_v_;
   // W1 to W4, and the transposes that the backward pass needs: of W1, W2, W3's first rows and W4.
-  std::vector<Real> packed_, transposed_;
+  AlignedVector<Real> packed_, transposed_;
 };
 
 }  // namespace nerf

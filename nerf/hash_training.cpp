@@ -18,9 +18,8 @@ constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
 // away. It grows over the first share of a run: at full weight from the start it can drive all light into fog
 // right before the cameras.
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
-// In unbounded scenes gradients are whole from here on: the median camera's distance from the centre of the
-// region of interest.
-constexpr float kFullGradientDistance = 4;
+// In unbounded scenes gradients are whole from here on: `near`, before which no camera has its subject.
+constexpr float kFullGradientDistance = 2;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;
@@ -45,7 +44,7 @@ class HashTraining : public FieldTraining {
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
-        table_gradients_(scratch_.size(), std::vector<float>(grid_.gradient_size(), 0.f)),
+        table_gradients_(scratch_.size(), AlignedVector<float>(grid_.gradient_size(), 0.f)),
         candidates_(scene_field->grid.Candidates()) {}
 
   StepOutcome Step(double progress, TrainState* state) override;
@@ -66,8 +65,8 @@ class HashTraining : public FieldTraining {
   Workers* workers_;
   std::vector<ShardResult<Real>> shards_;
   std::vector<ShardScratch<Real>> scratch_;
-  std::vector<std::vector<float>> table_gradients_;  // of one level, by thread; zero between uses
-  std::vector<std::uint32_t> candidates_;            // cells that may hold something
+  std::vector<AlignedVector<float>> table_gradients_;  // of one level, by thread; zero between uses
+  std::vector<std::uint32_t> candidates_;              // cells that may hold something
 };
 
 template <typename Real>

@@ -105,7 +105,7 @@ FieldConfig NerfField::Config() const {
 }
 
 std::vector<Tensor> NerfField::State() {
-  return {{"weights", &weights_}, {"weights_m", &weights_m_}, {"weights_v", &weights_v_}};
+  return {{"weights", weights_}, {"weights_m", weights_m_}, {"weights_v", weights_v_}};
 }
 
 void NerfField::Refresh() {

@@ -17,7 +17,7 @@ namespace nerf {
 // One array of a field's state, for checkpoints: learnt values and the optimiser's moments.
 struct Tensor {
   std::string name;
-  std::vector<float>* values;
+  std::span<float> values;
 };
 
 // Which colours are wanted: receives the densities of samples [first, first + n), each sample once and in

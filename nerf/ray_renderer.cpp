@@ -26,7 +26,7 @@ struct Scratch {
   Samples samples;
   MarchingRays marching;
   std::vector<int> ray_of;
-  std::vector<float> sigma, rgb, weights;
+  AlignedVector<float> sigma, rgb, weights;
   std::vector<std::uint8_t> wanted;
   std::vector<RayState> active;
   std::vector<float> t, delta;

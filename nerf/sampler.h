@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "nerf/aligned_vector.h"
 #include "nerf/dataset.h"
 #include "nerf/occupancy_grid.h"
 #include "nerf/space_map.h"
@@ -23,8 +24,8 @@ struct SamplerOptions {
 
 // Positions in the unit cube (or scene units, see SamplerOptions), one entry per sample.
 struct Samples {
-  std::vector<float> x, y, z, delta, t;
-  std::vector<std::uint32_t> cell;
+  AlignedVector<float> x, y, z, delta, t;
+  AlignedVector<std::uint32_t> cell;
 
   int size() const { return static_cast<int>(x.size()); }
   void clear() { resize(0); }

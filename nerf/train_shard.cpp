@@ -73,7 +73,7 @@ void SortByRay(ShardScratch<Real>* scratch, ShardResult<Real>* result, std::vect
 template <typename Real>
 float CompositeRay(std::size_t begin,
                    std::size_t end,
-                   const std::vector<float>& rgb,
+                   const AlignedVector<float>& rgb,
                    ShardScratch<Real>* scratch,
                    float colour[3]) {
   float depth = 0, transmittance = 1;
@@ -112,7 +112,7 @@ template <typename Real>
 void DifferentiateRay(std::size_t first,
                       std::size_t begin,
                       std::size_t end,
-                      const std::vector<float>& rgb,
+                      const AlignedVector<float>& rgb,
                       float transmittance_end,
                       const PixelLoss<float>& pixel,
                       float scale,

@@ -25,7 +25,9 @@ struct TrainingSchedule {
   // At progress in [0, 1].
   double LearningRate(double progress) const;
   double StepScale(double progress) const;
-  int PixelRays(double progress) const { return progress < pixel_rays_from ? 1 : pixel_rays; }
+  int PixelRays(double progress) const {
+    return pixel_rays_from < 1 && progress >= pixel_rays_from ? pixel_rays : 1;
+  }
   // One line for the record of a run.
   std::string Text() const;
 };

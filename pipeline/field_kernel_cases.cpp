@@ -24,12 +24,12 @@ constexpr const char* kFormat = sizeof(Real) == 2 ? "bf16" : "fp32";
 // Rows of one chunk, and one layer.
 template <typename Real>
 struct LayerData {
-  std::vector<Real> x, mask, y, packed, features;
-  std::vector<float> sums, w_gradient, logits;
+  nerf::AlignedVector<Real> x, mask, y, packed, features;
+  nerf::AlignedVector<float> sums, w_gradient, logits;
 
   explicit LayerData(const kernels::NetworkKernels<Real>& layers)
       : y(kRows * kMaxWidth), packed(kMaxWidth * kMaxWidth), features(kRows * kInputs) {
-    std::vector<float> random(kRows * kMaxWidth);
+    nerf::AlignedVector<float> random(kRows * kMaxWidth);
     for (std::size_t i = 0; i < random.size(); ++i)
       random[i] = 2 * nerf::Random(9, nerf::Stream::kInit, 0, i).Uniform() - 1;
     x.resize(random.size());
@@ -57,7 +57,7 @@ struct MarchData {
       start[i / kRays].push_back(0.3f + 0.4f * random.Uniform());
       slope[i / kRays].push_back(0.5f * random.Uniform() - 0.25f);  // at most 0.3 away
     }
-    for (std::vector<float>* slot : {&st, &sd, &sx, &sy, &sz}) slot->resize(kRays * kIntervals);
+    for (nerf::AlignedVector<float>* slot : {&st, &sd, &sx, &sy, &sz}) slot->resize(kRays * kIntervals);
     cell.resize(st.size());
   }
   void March(const kernels::Kernels& build) {
@@ -76,9 +76,9 @@ struct MarchData {
   }
 
   nerf::OccupancyGrid grid{128, nerf::SpaceMap{}};
-  std::vector<float> start[3], slope[3], t, t_last = std::vector<float>(kRays, 1.f);
+  nerf::AlignedVector<float> start[3], slope[3], t, t_last = nerf::AlignedVector<float>(kRays, 1.f);
   std::vector<int> count = std::vector<int>(kRays);
-  std::vector<float> st, sd, sx, sy, sz;
+  nerf::AlignedVector<float> st, sd, sx, sy, sz;
   std::vector<std::uint32_t> cell;
 };
 
@@ -136,7 +136,7 @@ class CaseList {
   void AddHead(const std::shared_ptr<LayerData<Real>>& rows);
   void AddElementary(const char* name, void (*kernel)(int, float*), int n, double operations);
   void AddMarch();
-  void AddOptimiser(const std::string& name, bool per_entry, const std::vector<float>& gradients);
+  void AddOptimiser(const std::string& name, bool per_entry, const nerf::AlignedVector<float>& gradients);
 
   const std::string build_;
   const kernels::Kernels& kernels_;
@@ -217,7 +217,7 @@ void CaseList::AddHead(const std::shared_ptr<LayerData<Real>>& rows) {
     layers.head(kRows, k, rows->x.data(), rows->w_gradient.data(), rows->sums.data());
   });
   cases_.back().limit = ArithmeticLimit("fp32");
-  const auto weights = std::make_shared<std::vector<float>>(3 * k, 0.25f);
+  const auto weights = std::make_shared<nerf::AlignedVector<float>>(3 * k, 0.25f);
   AddArithmetic("head_gradient", kFormat<Real>, "sample", kRows, 4.0 * 3 * k, [=, &layers] {
     LayerData<Real>& r = *rows;
     layers.head_gradient(
@@ -229,7 +229,7 @@ void CaseList::AddHead(const std::shared_ptr<LayerData<Real>>& rows) {
 // operations: additions, products and quotients per value in elementary.inc. In place again and again:
 // values stay finite, and no branch depends on them.
 void CaseList::AddElementary(const char* name, void (*kernel)(int, float*), int n, double operations) {
-  const auto values = std::make_shared<std::vector<float>>(n, 0.75f);
+  const auto values = std::make_shared<nerf::AlignedVector<float>>(n, 0.75f);
   AddArithmetic(name, "fp32", "element", n, operations, [=] { kernel(n, values->data()); });
 }
 
@@ -245,7 +245,7 @@ void CaseList::AddMarch() {
 
 // Bytes that a step must move: every gradient, and for 64-byte lines of them that hold one which is not zero
 // the cleared gradients, values and moments there and back, and the rounded copy.
-double OptimiserBytes(const std::vector<float>& gradients, bool per_entry, bool rounded) {
+double OptimiserBytes(const nerf::AlignedVector<float>& gradients, bool per_entry, bool rounded) {
   constexpr std::size_t kLine = 16;
   const double moments = per_entry ? 16 : 2 * 64, touched = 64 + 2 * (64 + moments) + (rounded ? 32 : 0);
   double bytes = 0;
@@ -256,7 +256,9 @@ double OptimiserBytes(const std::vector<float>& gradients, bool per_entry, bool 
   return bytes;
 }
 
-void CaseList::AddOptimiser(const std::string& name, bool per_entry, const std::vector<float>& gradients) {
+void CaseList::AddOptimiser(const std::string& name,
+                            bool per_entry,
+                            const nerf::AlignedVector<float>& gradients) {
   const kernels::AdamStep step{.learning_rate = 1e-2f, .correction1 = 10, .correction2 = 100};
   const std::size_t n = gradients.size();
   for (const bool rounded : {false, true}) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "nerf/aligned_vector.h"
 #include "nerf/kernels/kernels.h"
 #include "pipeline/kernel_case.h"
 
@@ -27,15 +28,15 @@ std::string Power(int log2_entries);
 struct KernelData {
   KernelData();
 
-  std::vector<float> x, y, z;          // positions in [0, 1], along rays
-  std::vector<float> table, gradient;  // of the largest level
-  std::vector<nerf::kernels::Bf16> rounded;
-  std::vector<float> dense, sparse;  // gradients that the optimiser gets
-  std::vector<float> step_gradient, m, v, values;
-  std::vector<nerf::kernels::Bf16> step_rounded;
-  std::vector<float> stream;        // larger than the caches
-  std::vector<float> sums;          // of the arithmetic probes
-  volatile std::uint64_t used = 0;  // what would otherwise be optimised away
+  nerf::AlignedVector<float> x, y, z;          // positions in [0, 1], along rays
+  nerf::AlignedVector<float> table, gradient;  // of the largest level
+  nerf::AlignedVector<nerf::kernels::Bf16> rounded;
+  nerf::AlignedVector<float> dense, sparse;  // gradients that the optimiser gets
+  nerf::AlignedVector<float> step_gradient, m, v, values;
+  nerf::AlignedVector<nerf::kernels::Bf16> step_rounded;
+  nerf::AlignedVector<float> stream;  // larger than the caches
+  nerf::AlignedVector<float> sums;    // of the arithmetic probes
+  volatile std::uint64_t used = 0;    // what would otherwise be optimised away
 };
 
 // Arithmetic of each of the builds, and memory.

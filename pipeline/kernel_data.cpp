@@ -12,8 +12,8 @@ namespace kernels = nerf::kernels;
 
 constexpr std::size_t kStreamFloats = std::size_t{1} << 25;  // 128 MiB
 
-std::vector<float> Filled(std::size_t n, std::uint64_t seed, float low, float high) {
-  std::vector<float> values(n);
+nerf::AlignedVector<float> Filled(std::size_t n, std::uint64_t seed, float low, float high) {
+  nerf::AlignedVector<float> values(n);
   for (std::size_t i = 0; i < n; ++i)
     values[i] = low + (high - low) * nerf::Random(seed, nerf::Stream::kInit, 0, i).Uniform();
   return values;

@@ -30,8 +30,8 @@ const Json& Golden() {
 
 std::vector<double> Values(const char* name) { return Golden()[name].get<std::vector<double>>(); }
 
-template <typename T>
-std::vector<double> Doubles(const std::vector<T>& values) {
+template <typename Values>
+std::vector<double> Doubles(const Values& values) {
   return {values.begin(), values.end()};
 }
 
@@ -85,7 +85,7 @@ TrainOptions GoldenOptions(bool bf16) {
 std::unique_ptr<SceneField> GoldenField(bool bf16) {
   const NerfFieldOptions options = GoldenOptions(bf16).field.nerf;
   auto field = std::make_unique<NerfField>(options, false, kSeed);
-  std::vector<float>& weights = *field->State()[0].values;
+  const std::span<float> weights = field->State()[0].values;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const auto word = static_cast<double>(Random(kSeed, Stream::kInit, 0, i).Bits() >> 48);
     weights[i] = static_cast<float>(5. / 32 * (word / 32768 - 1));

@@ -67,11 +67,11 @@ class HashFieldTest : public testing::Test {
     for (auto& tensor : field_.State()) {
       const std::string name = tensor.name;
       if (name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values->size(); ++i)
-          (*tensor.values)[i] = Random(9, Stream::kInit, 2, i).Uniform() - 0.5f;
-        twin_.table.assign(tensor.values->begin(), tensor.values->end());
+        for (std::size_t i = 0; i < tensor.values.size(); ++i)
+          tensor.values[i] = Random(9, Stream::kInit, 2, i).Uniform() - 0.5f;
+        twin_.table.assign(tensor.values.begin(), tensor.values.end());
       }
-      if (name == "weights") twin_.weights.assign(tensor.values->begin(), tensor.values->end());
+      if (name == "weights") twin_.weights.assign(tensor.values.begin(), tensor.values.end());
     }
     twin_.levels = field_.grid().levels();
     for (int s = 0; s < kSamples; ++s) {
@@ -179,7 +179,7 @@ TYPED_TEST(HashFieldTest, DensityIsFiniteAndGatedAtTheLimitOfTheExponent) {
   this->Forward(&rows);
   for (auto& tensor : this->field_.State()) {
     if (std::string(tensor.name) == "weights") {
-      for (std::size_t i = 2048; i < 3072; ++i) (*tensor.values)[i] = 1e6f;
+      for (std::size_t i = 2048; i < 3072; ++i) tensor.values[i] = 1e6f;
     }
   }
   this->field_.Refresh();

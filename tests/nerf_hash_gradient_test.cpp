@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kRays = 48;
 
-at::Tensor Parameter(const std::vector<float>& values) {
+at::Tensor Parameter(std::span<const float> values) {
   return torch::from_blob(const_cast<float*>(values.data()), {static_cast<std::int64_t>(values.size())})
       .to(torch::kDouble)
       .clone()
@@ -104,11 +104,11 @@ class HashGradientTest : public testing::Test {
     grid_.Rebuild();
     for (const Tensor& tensor : field_.State()) {
       if (tensor.name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values->size(); ++i)
-          (*tensor.values)[i] = Random(9, Stream::kInit, 2, i).Uniform() - 0.5f;
-        table_ = Parameter(*tensor.values);
+        for (std::size_t i = 0; i < tensor.values.size(); ++i)
+          tensor.values[i] = Random(9, Stream::kInit, 2, i).Uniform() - 0.5f;
+        table_ = Parameter(tensor.values);
       }
-      if (tensor.name == "weights") weights_ = Parameter(*tensor.values);
+      if (tensor.name == "weights") weights_ = Parameter(tensor.values);
     }
     field_.Refresh();
   }

@@ -36,12 +36,12 @@ struct Bench {
     scene_field = MakeSceneField(scene, dataset, options.field, seed, &workers, &derivation);
     training = MakeNerfTraining(dataset, options, scene_field.get(), &workers);
   }
-  std::vector<float>& Weights() { return *FieldOf(scene_field.get()).State()[0].values; }
+  std::span<float> Weights() { return FieldOf(scene_field.get()).State()[0].values; }
   // All values of the field's state, as bytes, so that NaNs compare.
   std::string StateBytes() {
     std::string bytes;
     for (const Tensor& tensor : FieldOf(scene_field.get()).State())
-      bytes.append(reinterpret_cast<const char*>(tensor.values->data()), 4 * tensor.values->size());
+      bytes.append(reinterpret_cast<const char*>(tensor.values.data()), tensor.values.size_bytes());
     return bytes;
   }
   StepOutcome Step() {
@@ -118,7 +118,7 @@ TEST(NerfFaults, TrainingGivesUpAfterThreeSkippedStepsAndLeavesTheCheckpointAlon
   const TrainOptions options = SmallNerf(20, 32, {.n_samples = 8});
   Train(scene, {}, SmallNerf(3, 32, {.n_samples = 8}), dir.path());
   Poison(dir.path(),
-         [&](std::vector<float>* weights, TrainState*) { (*weights)[LayerOf(options, 0).weights] = kNaN; });
+         [&](std::span<float> weights, TrainState*) { weights[LayerOf(options, 0).weights] = kNaN; });
   const std::string before = io::ReadFile(dir / "checkpoint.bin");
   EXPECT_ERROR(Train(scene, {}, options, dir.path()), io::ExitCode::kNumeric, "step 6, seed 1");
   EXPECT_EQ(io::ReadFile(dir / "checkpoint.bin"), before);
@@ -134,8 +134,8 @@ TEST(NerfFaults, ADeadStartIsRestartedOnceByStep500) {
     return result;
   };
   Train(scene, {}, options(1), dir.path());
-  Poison(dir.path(), [&](std::vector<float>* weights, TrainState* state) {
-    (*weights)[LayerOf(options(1), kDensityLayer).biases] = -1e3f;
+  Poison(dir.path(), [&](std::span<float> weights, TrainState* state) {
+    weights[LayerOf(options(1), kDensityLayer).biases] = -1e3f;
     state->step = 495;
     state->squared_error = -1;
   });

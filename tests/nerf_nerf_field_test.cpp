@@ -35,8 +35,7 @@ class TrainedBall : public testing::Test {
     config["samples"] = quadrature.n_samples;
     config["importance_samples"] = quadrature.n_importance;
     auto field = std::make_unique<NerfField>(config);
-    const std::vector<float>& weights = *trained_->field->State()[0].values;
-    std::vector<float>& copy = *field->State()[0].values;
+    const std::span<float> weights = trained_->field->State()[0].values, copy = field->State()[0].values;
     for (std::size_t i = 0; i < copy.size(); ++i) copy[i] = weights[i % weights.size()];
     field->Refresh();
     SamplerOptions sampling = trained_->sampler_options;
@@ -148,8 +147,8 @@ void RenderExactly(const tests::ReferenceMlp<double>& mlp,
 TEST_F(TrainedBall, LooksTheSameInDouble) {
   const auto scene_field = With({.n_samples = 24});
   const NerfField& field = FieldOf(scene_field.get());
-  const tests::ReferenceMlp<double> mlp(MlpOptionsOf(field.options()),
-                                        *scene_field->field->State()[0].values);
+  const std::span<float> weights = scene_field->field->State()[0].values;
+  const tests::ReferenceMlp<double> mlp(MlpOptionsOf(field.options()), {weights.begin(), weights.end()});
   std::vector<double> exact, ours = Render(*scene_field, 1);
   for (const Ray& ray : rays_) RenderExactly(mlp, *scene_field, field.options(), ray, &exact);
   double largest;

@@ -1,5 +1,6 @@
 // Training of the `nerf` field end to end on a small ball: quality with each way of sampling, threads,
 // resume, and the report's options.
+#include <algorithm>
 #include <cstring>
 
 #include "nerf/monitor.h"
@@ -55,7 +56,7 @@ void ExpectSameState(const std::filesystem::path& a_path, const std::filesystem:
   const std::vector<Tensor> a_tensors = a->field->State(), b_tensors = b->field->State();
   ASSERT_EQ(a_tensors.size(), b_tensors.size());
   for (std::size_t i = 0; i < a_tensors.size(); ++i)
-    EXPECT_TRUE(*a_tensors[i].values == *b_tensors[i].values) << a_tensors[i].name;
+    EXPECT_TRUE(std::ranges::equal(a_tensors[i].values, b_tensors[i].values)) << a_tensors[i].name;
   EXPECT_TRUE(a->grid.density() == b->grid.density());
   EXPECT_TRUE(a->grid.distance() == b->grid.distance());
   EXPECT_EQ(a_state.step, b_state.step);

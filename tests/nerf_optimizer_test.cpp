@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -193,7 +194,7 @@ TEST(Adam, WeightsAndMomentsAreFloatsThatKeepSmallUpdates) {
   static_assert(
       std::is_same_v<decltype(Kernels::adam),
                      void (*)(const AdamStep&, std::size_t, float*, float*, float*, float*, kernels::Bf16*)>);
-  static_assert(std::is_same_v<decltype(Tensor::values), Floats*>);
+  static_assert(std::is_same_v<decltype(Tensor::values), std::span<float>>);
   ForEachBuild([](const Kernels& build) {
     float m = 0, v = 0, value = 1;
     for (int t = 1; t <= 4000; ++t) {

@@ -37,7 +37,7 @@ class RayRenderer : public testing::Test {
   void SetWeights(std::size_t n, float value) {
     for (auto& tensor : fog_.field->State()) {
       if (tensor.name != "weights") continue;
-      std::fill(tensor.values->begin(), tensor.values->begin() + static_cast<std::ptrdiff_t>(n), value);
+      std::fill(tensor.values.begin(), tensor.values.begin() + static_cast<std::ptrdiff_t>(n), value);
     }
     fog_.field->Refresh();
   }
@@ -110,6 +110,11 @@ TEST_F(RayRenderer, TheRaysOfAPixelAreStaggered) {
       depth -= std::log(double{ray.transmittance}) / 4;
     EXPECT_NEAR(depth, -std::log(double{RenderAlong(rays[0], 0.25f).transmittance}), 2e-6) << length;
   }
+  // However many rays are given at once, each has its place in its own pixel.
+  const std::vector<RenderedRay> many =
+      RenderRays(fog_, std::vector<Ray>(630, {{0, 0, 49}, {0, 0, 1}}), 9, 1.f, &workers);
+  for (std::size_t i = 9; i < many.size(); ++i) ASSERT_EQ(many[i].depth, many[i % 9].depth) << i;
+  EXPECT_NE(many[1].depth, many[0].depth);
 }
 
 // A ray through a unit of fog in 500 samples of less weight than any that gets a colour alone.
