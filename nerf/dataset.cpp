@@ -58,15 +58,11 @@ const View& Dataset::ViewOf(std::size_t pixel) const {
            1);
 }
 
-std::size_t Dataset::UsedPixel(std::size_t rank) const {
-  if (runs.empty()) return rank;
-  // Halving without branches, which would be mispredicted: the searches of several ranks then overlap.
-  const PixelRun* run = runs.data();
-  for (std::size_t n = runs.size() - 1, half; n > 1; n -= half) {
-    half = n / 2;
-    run += run[half].first_rank <= rank ? half : 0;
+PixelRuns::PixelRuns(std::vector<PixelRun> runs) : runs_(std::move(runs)) {
+  for (std::size_t rank = 0, run = 0; rank < size(); rank += kBlock) {
+    while (runs_[run + 1].first_rank <= rank) ++run;
+    run_of_block_.push_back(static_cast<std::uint32_t>(run));
   }
-  return run->first_pixel + (rank - run->first_rank);
 }
 
 std::vector<bool> Dataset::UsedPixels() const {
@@ -159,7 +155,7 @@ Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
     }
     images[i] = {};
   }
-  dataset.runs = UsedRuns(dataset.views, masks);
+  dataset.runs = PixelRuns(UsedRuns(dataset.views, masks));
   return dataset;
 }
 

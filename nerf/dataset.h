@@ -54,6 +54,29 @@ struct PixelRun {
   std::uint32_t first_rank, first_pixel;
 };
 
+// The used pixels of all views. 8 bytes per run: a few kilobytes per picture, and never more than 4 bytes per
+// pixel.
+class PixelRuns {
+ public:
+  PixelRuns() = default;
+  // By rising rank, and one more entry that ends the last.
+  explicit PixelRuns(std::vector<PixelRun> runs);
+
+  bool empty() const { return runs_.empty(); }
+  std::size_t size() const { return runs_.empty() ? 0 : runs_.back().first_rank; }
+  // The used pixel of a rank in [0, size).
+  std::size_t Pixel(std::size_t rank) const {
+    std::size_t run = run_of_block_[rank / kBlock];
+    while (runs_[run + 1].first_rank <= rank) ++run;
+    return runs_[run].first_pixel + (rank - runs_[run].first_rank);
+  }
+
+ private:
+  static constexpr std::size_t kBlock = 64;  // ranks; most runs are longer
+  std::vector<PixelRun> runs_;
+  std::vector<std::uint32_t> run_of_block_;  // the run of its first rank
+};
+
 struct Dataset {
   std::vector<View> views;
   int channels = 3;                  // 3: RGB; 4: RGB + straight alpha (all views alike)
@@ -61,14 +84,12 @@ struct Dataset {
   // sRGB in [0, 1] of a background that the pictures have in them: alpha then has the values of
   // plain_background.h.
   std::optional<std::array<float, 3>> background;
-  // By rising rank, and one more entry that ends the last; empty: no view has a mask. 8 bytes per run: a few
-  // kilobytes per picture, and never more than 4 bytes per pixel.
-  std::vector<PixelRun> runs;
+  PixelRuns runs;  // empty: every pixel is used
   std::size_t n_pixels() const { return pixels.size() / static_cast<std::size_t>(channels); }
-  std::size_t n_used() const { return runs.empty() ? n_pixels() : runs.back().first_rank; }
+  std::size_t n_used() const { return runs.empty() ? n_pixels() : runs.size(); }
 
   // The used pixel of a rank in [0, n_used).
-  std::size_t UsedPixel(std::size_t rank) const;
+  std::size_t UsedPixel(std::size_t rank) const { return runs.empty() ? rank : runs.Pixel(rank); }
   // Whether each pixel is used; empty: no view has a mask.
   std::vector<bool> UsedPixels() const;
 

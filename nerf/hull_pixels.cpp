@@ -100,7 +100,7 @@ void DropPixelsBesideHull(
   }
   if (rank == 0) return;  // nothing is opaque anywhere; the pictures still say so
   runs.push_back({rank, pixel});
-  dataset->runs = std::move(runs);
+  dataset->runs = PixelRuns(std::move(runs));
 }
 
 }  // namespace nerf

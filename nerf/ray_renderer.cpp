@@ -25,8 +25,9 @@ struct RayState {
 struct Scratch {
   Samples samples;
   MarchingRays marching;
-  std::vector<int> ray_of;
+  std::vector<int> ray_of, active_of;  // of each sample
   AlignedVector<float> sigma, rgb, weights;
+  AlignedVector<float> opacity, transmittance;  // of a sample alone, and behind it
   std::vector<std::uint8_t> wanted;
   std::vector<RayState> active;
   std::vector<float> t, delta;
@@ -34,15 +35,15 @@ struct Scratch {
   void Resize() {
     const auto n = static_cast<std::size_t>(samples.size());
     sigma.resize(n), rgb.resize(3 * n), weights.resize(n), wanted.resize(n);
+    opacity.resize(n), transmittance.resize(n);
   }
 };
 
-// Weight of a sample of optical depth tau; the ray goes on behind it.
-float Absorb(float tau, float t, float* optical_depth, RenderedRay* ray) {
-  const float weight = ray->transmittance * -std::expm1(-tau);
+// Weight of a sample at t; the ray goes on behind it.
+float Absorb(float opacity, float transmittance, float t, RenderedRay* ray) {
+  const float weight = ray->transmittance * opacity;
   ray->depth += weight * t;
-  *optical_depth += tau;
-  ray->transmittance = std::exp(-*optical_depth);
+  ray->transmittance = transmittance;
   return weight;
 }
 
@@ -53,7 +54,7 @@ void AddColour(float weight, const float* rgb, RenderedRay* ray) {
 // Marches up to kWaveSamples further samples of every active ray.
 void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_scale, Scratch* scratch) {
   scratch->samples.clear(), scratch->marching.clear();
-  scratch->ray_of.clear();
+  scratch->ray_of.clear(), scratch->active_of.clear();
   for (const RayState& state : scratch->active)
     sampler.AddRay(rays[static_cast<std::size_t>(state.index)], state.t, state.t_last, &scratch->marching);
   sampler.March(step_scale, kWaveSamples, &scratch->marching, &scratch->samples);
@@ -61,21 +62,30 @@ void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_sca
     RayState& state = scratch->active[i];
     state.t = scratch->marching.t[i];
     state.count = scratch->marching.count[i];
-    scratch->ray_of.resize(scratch->ray_of.size() + static_cast<std::size_t>(state.count), state.index);
+    const std::size_t n = scratch->ray_of.size() + static_cast<std::size_t>(state.count);
+    scratch->ray_of.resize(n, state.index);
+    scratch->active_of.resize(n, static_cast<int>(i));
   }
   scratch->Resize();
 }
 
 // Absorbs along the wave's samples and adds the colours of those that get one.
 void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch* scratch, RenderedRay* out) {
-  std::size_t active = 0;
-  int left = scratch->active.empty() ? 0 : scratch->active[0].count;
+  const kernels::Kernels& kernels = kernels::ActiveKernels();
   const auto filter = [&](int first, int n, const float* sigma, std::uint8_t* wanted) {
-    for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(first + n); ++i, --left) {
-      while (left == 0) left = scratch->active[++active].count;
-      RayState& state = scratch->active[active];
+    const auto begin = static_cast<std::size_t>(first), end = begin + static_cast<std::size_t>(n);
+    for (std::size_t i = begin; i < end; ++i) {
       const float tau = *sigma++ * scratch->samples.delta[i];
-      state.gathered += Absorb(tau, scratch->samples.t[i], &state.optical_depth, &out[state.index]);
+      float& optical_depth = scratch->active[static_cast<std::size_t>(scratch->active_of[i])].optical_depth;
+      scratch->opacity[i] = tau;
+      scratch->transmittance[i] = -(optical_depth += tau);
+    }
+    kernels.one_minus_exp_neg(n, &scratch->opacity[begin]);
+    kernels.exp(n, &scratch->transmittance[begin]);
+    for (std::size_t i = begin; i < end; ++i) {
+      RayState& state = scratch->active[static_cast<std::size_t>(scratch->active_of[i])];
+      state.gathered +=
+          Absorb(scratch->opacity[i], scratch->transmittance[i], scratch->samples.t[i], &out[state.index]);
       // Written so that a NaN is shown.
       *wanted++ = scratch->wanted[i] = !(state.gathered < kMinColourWeight);
       if (!scratch->wanted[i]) continue;
@@ -159,7 +169,9 @@ void RenderStratified(const SceneField& scene_field,
       out[r] = {{0, 0, 0}, 1, 0};
       for (const std::size_t last = first + t[static_cast<std::size_t>(r)].size(); first < last; ++first) {
         const float tau = scratch->sigma[first] * scratch->samples.delta[first];
-        weights.push_back(Absorb(tau, scratch->samples.t[first], &optical_depth, &out[r]));
+        optical_depth += tau;
+        weights.push_back(
+            Absorb(-std::expm1(-tau), std::exp(-optical_depth), scratch->samples.t[first], &out[r]));
         AddColour(weights.back(), &scratch->rgb[3 * first], &out[r]);
       }
       out[r].depth += out[r].transmittance * far;

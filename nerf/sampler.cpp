@@ -1,5 +1,8 @@
 #include "nerf/sampler.h"
 
+#include <cstring>
+#include <type_traits>
+
 #include "nerf/kernels/kernels.h"
 
 namespace nerf {
@@ -8,6 +11,8 @@ namespace {
 // A ray whose direction component is smaller moves by less than a float's resolution of a scene within any
 // range; its slab distances would overflow, and be 0 / 0 on a face.
 constexpr float kParallel = 1e-30f;
+// Values that are moved together when samples close up.
+constexpr std::size_t kGapChunk = 4;
 
 }  // namespace
 
@@ -41,7 +46,7 @@ void Sampler::March(float step_scale, int max_samples, MarchingRays* rays, Sampl
   const auto n = static_cast<std::size_t>(rays->size()), most = static_cast<std::size_t>(max_samples);
   const auto first = static_cast<std::size_t>(samples->size());
   rays->count.resize(n);
-  samples->resize(first + n * most);
+  samples->resize(first + n * most + kGapChunk);
   kernels::MarchPaths paths{.t_last = rays->t_last.data(), .contracted = map_.unbounded};
   for (int i = 0; i < 3; ++i) paths.start[i] = rays->start[i].data(), paths.slope[i] = rays->slope[i].data();
   kernels::ActiveKernels().march(grid_.Blocks(),
@@ -62,8 +67,13 @@ void Sampler::March(float step_scale, int max_samples, MarchingRays* rays, Sampl
   std::size_t to = first;
   for (std::size_t ray = 0; ray < n; ++ray) {
     const std::size_t from = first + ray * most, count = static_cast<std::size_t>(rays->count[ray]);
+    // A few at a time, mostly once: what is written too far is written over or cut off.
     const auto close_gap = [&](auto* v) {
-      if (to != from) std::copy_n(v->data() + from, count, v->data() + to);
+      std::remove_reference_t<decltype((*v)[0])> chunk[kGapChunk];
+      for (std::size_t i = 0; i < count && to != from; i += kGapChunk) {
+        std::memcpy(chunk, v->data() + from + i, sizeof chunk);
+        std::memcpy(v->data() + to + i, chunk, sizeof chunk);
+      }
     };
     close_gap(&samples->x), close_gap(&samples->y), close_gap(&samples->z);
     close_gap(&samples->delta), close_gap(&samples->t), close_gap(&samples->cell);

@@ -271,7 +271,7 @@ TrainReport Trainer::Run() {
 
 TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha) {
   // What a thread of a processor with AVX-512 does; it only decides between a few capacities.
-  constexpr double kSamplesPerThreadSecond = 1.2e6;
+  constexpr double kSamplesPerThreadSecond = 1.5e6;
   TrainingSchedule schedule =
       options.schedule
           ? *options.schedule

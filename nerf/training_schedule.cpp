@@ -40,7 +40,7 @@ std::string TrainingSchedule::Text() const {
 TrainingSchedule ScheduleFor(double n_samples) {
   TrainingSchedule schedule;
   if (n_samples < 100e6) {
-    schedule = {.log2_hashmap_size = n_samples < 30e6 ? 16 : 17,
+    schedule = {.log2_hashmap_size = n_samples < 50e6 ? 16 : 17,
                 .finest_cell_pixels = 1.4,
                 .entry_moments = true,
                 .learning_rate = 2e-2,
@@ -48,8 +48,8 @@ TrainingSchedule ScheduleFor(double n_samples) {
                 .last_rate = 0.1,
                 .step_scale_share = 0.8,
                 .pixel_rays_from = 1};
-  } else if (n_samples > 160e6) {
-    schedule.log2_hashmap_size = 18;
+  } else if (n_samples > 140e6) {
+    schedule.log2_hashmap_size = n_samples < 300e6 ? 18 : 19;
   }
   return schedule;
 }

@@ -91,7 +91,8 @@ TEST(PlainBackground, PixelsThatAreNotUsedSayNothing) {
   RingViews views;
   for (std::size_t p = 0; p < kWidth; ++p) views.dataset.pixels[3 * p] = 0;  // the first row
   // Nor those of the second, which have the colour.
-  views.dataset.runs = {{0, 2 * kWidth}, {2 * kWidth * kHeight - 2 * kWidth, 2 * kWidth * kHeight}};
+  views.dataset.runs =
+      PixelRuns({{0, 2 * kWidth}, {2 * kWidth * kHeight - 2 * kWidth, 2 * kWidth * kHeight}});
   MarkPlainBackground(&views.dataset);
   EXPECT_TRUE(views.dataset.background);
   EXPECT_EQ(views.AlphaAt(0, -9), 128);

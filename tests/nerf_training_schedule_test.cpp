@@ -30,7 +30,7 @@ TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
 
 TEST(TrainingSchedule, CapacityGrowsWithTheBudget) {
   TrainingSchedule before = ScheduleFor(1e6);
-  for (const double n_samples : {5e7, 1e9}) {
+  for (const double n_samples : {6e7, 2e8, 1e9}) {
     const TrainingSchedule schedule = ScheduleFor(n_samples);
     EXPECT_GT(schedule.log2_hashmap_size, before.log2_hashmap_size);
     EXPECT_LE(schedule.finest_cell_pixels, before.finest_cell_pixels);
@@ -47,17 +47,19 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, ScheduleFor(100 << 14).log2_hashmap_size);
   options.steps = 0;
   options.threads = 2;
-  // 30, 100 and 160 million samples are 12.5, 41.7 and 66.7 seconds.
+  // 50, 100, 140 and 300 million samples are 16.7, 33.3, 46.7 and 100 seconds.
   struct Budget {
     double time_s;
     int log2_hashmap_size, pixel_rays;
   };
-  for (const Budget& budget : {Budget{12, 16, 1},
-                               Budget{13, 17, 1},
-                               Budget{41, 17, 1},
-                               Budget{42, 17, 4},
-                               Budget{66, 17, 4},
-                               Budget{67, 18, 4}}) {
+  for (const Budget& budget : {Budget{16, 16, 1},
+                               Budget{17, 17, 1},
+                               Budget{33, 17, 1},
+                               Budget{34, 17, 4},
+                               Budget{46, 17, 4},
+                               Budget{47, 18, 4},
+                               Budget{99, 18, 4},
+                               Budget{101, 19, 4}}) {
     options.time_s = budget.time_s;
     const TrainingSchedule schedule = ScheduleOf(options, true);
     EXPECT_EQ(schedule.log2_hashmap_size, budget.log2_hashmap_size) << budget.time_s;
