@@ -19,6 +19,7 @@ struct Projector {
     const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
     rotation = cam_from_world.rotation.cast<float>();
     translation = cam_from_world.translation.cast<float>();
+    position = frame.world_from_cam.translation.cast<float>();
     fl_x = static_cast<float>(camera.fl_x), fl_y = static_cast<float>(camera.fl_y);
     cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
     width = static_cast<float>(camera.width), height = static_cast<float>(camera.height);
@@ -57,8 +58,21 @@ struct Projector {
     return nearest < (points[8] - points[0]).norm() && nearest > near;
   }
 
+  // Whether the cell lies nearer than `near`, with its centre on a used pixel.
+  template <typename Uses>
+  bool SeesThrough(const CellPoints& points, float near, const Uses& uses) const {
+    for (auto point = points.rbegin(); point != points.rend(); ++point) {  // the centre decides nearly always
+      if (!((*point - position).squaredNorm() < near * near)) return false;
+    }
+    const Eigen::Vector3f centre = rotation * points[8] + translation;
+    const float depth = -centre.z();
+    if (!(depth > 0)) return false;
+    const Eigen::Vector2f p(fl_x * centre.x() / depth + cx, -fl_y * centre.y() / depth + cy);
+    return Contains(p, 0) && uses(p.x(), p.y());
+  }
+
   Eigen::Matrix3f rotation;
-  Eigen::Vector3f translation;
+  Eigen::Vector3f translation, position;  // position: of the camera, scene coordinates
   float fl_x, fl_y, cx, cy, width, height;
 };
 
@@ -255,16 +269,19 @@ void CarveByFrusta(const io::Scene& scene,
       CellPoints points;
       CellPointsOf(*grid, map, cell, &points);
       int seen = 0;
-      for (std::size_t v = 0; v < projectors.size() && seen < 2; ++v) {
+      bool seen_through = false;
+      for (std::size_t v = 0; v < projectors.size() && !seen_through; ++v) {
         const View& view = dataset.views[v];
-        seen += projectors[v].SeesAny(points, static_cast<float>(near), [&](float x, float y) {
+        const auto uses = [&](float x, float y) {
           if (used.empty()) return true;
           const int column = std::min(static_cast<int>(x), view.width - 1),
                     row = std::min(static_cast<int>(y), view.height - 1);
           return bool{used[view.first_pixel + static_cast<std::size_t>(row * view.width + column)]};
-        });
+        };
+        seen += seen < 2 && projectors[v].SeesAny(points, static_cast<float>(near), uses);
+        seen_through = projectors[v].SeesThrough(points, static_cast<float>(near), uses);
       }
-      seen >= 2 ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
+      seen >= 2 && !seen_through ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
     }
   });
 }

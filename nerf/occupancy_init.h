@@ -16,8 +16,9 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
                                   Workers* workers,
                                   OccupancyGrid* grid);
 
-// Opaque pictures: cells that fewer than two views can see are empty (one view cannot place anything in
-// depth), and so are cells nearer than `near` to every view that sees them. Views see through their used
+// Opaque pictures: cells that fewer than two views see at distances beyond `near` are empty (one view cannot
+// place anything in depth), and so are cells that lie in some view's picture and nearer than `near`: this
+// view looks through what other views, a few of them mostly, would put there. Views see through their used
 // pixels: elsewhere training never meets the density that a cell starts with, which would stay as fog.
 void CarveByFrusta(const io::Scene& scene,
                    const Dataset& dataset,

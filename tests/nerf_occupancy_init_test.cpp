@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "io/image.h"
 #include "io/mask.h"
@@ -127,6 +128,42 @@ TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
   EXPECT_NEAR(candidates("left.png", "right.png"), all / 2, 64 * 64 + 1);
   // One uses x < 0, the other x > 0: no more than the layers on the edge are seen twice.
   EXPECT_LE(candidates("left.png", "left.png"), 2 * 64 * 64);
+}
+
+// Two views along +z see all of the space beyond `near`; one along -z has its nearer part closer than that,
+// and uses the left half of its picture.
+TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
+  const TempDir dir;
+  io::Mask left{20, 20, {}};
+  for (int i = 0; i < 400; ++i) left.used.push_back(i % 20 < 10 ? 255 : 0);
+  io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
+  io::WriteMask(dir / "left.png", left);
+  io::Scene scene = tests::SceneOf({dir / "a.png", dir / "a.png", dir / "a.png"}, 20, 20);
+  const Eigen::Vector3d centre(0, 0, 4);
+  for (io::Frame& frame : scene.frames) frame.world_from_cam.translation = -centre;
+  for (std::size_t i = 0; i < 2; ++i) scene.frames[i].world_from_cam.rotation.diagonal() << -1, 1, -1;
+  scene.frames[2].world_from_cam.translation = centre;
+  scene.frames[2].mask_path = dir / "left.png";
+  const SpaceMap map = {{0, 0, 0}, 1, false};
+  constexpr double kNear = 3.8;
+  const double cell = 2.0 / 64, diagonal = std::sqrt(3.0) * cell;
+  Workers workers(2);
+  OccupancyGrid grid(64, map);
+  CarveByFrusta(scene, LoadDataset(scene, 1), map, kNear, &workers, &grid);
+  int n_near_and_unused = 0;
+  for (std::uint32_t i = 0; i < grid.n_cells(); ++i) {
+    Eigen::Vector3f x;
+    map.FromUnit(grid.CellCentre(i).data(), x.data());
+    const double distance = (x.cast<double>() - centre).norm();
+    const bool candidate = !grid.IsNeverOccupied(i);
+    if (x.x() < 0 && distance < kNear - 0.5 * diagonal) {
+      EXPECT_FALSE(candidate) << x.transpose();
+    } else if (x.head<2>().norm() < 0.5f && (x.x() > cell || distance > kNear + diagonal)) {
+      EXPECT_TRUE(candidate) << x.transpose();
+      n_near_and_unused += distance < kNear;
+    }
+  }
+  EXPECT_GT(n_near_and_unused, 3000);
 }
 
 }  // namespace
