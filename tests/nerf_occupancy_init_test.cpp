@@ -130,7 +130,7 @@ TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
   EXPECT_LE(candidates("left.png", "left.png"), 2 * 64 * 64);
 }
 
-// Two views along +z see all of the space beyond `near`; one along -z has its nearer part closer than that,
+// Two views along +z see all of the space, beyond `near`; one along -z has its nearer part closer than that,
 // and uses the left half of its picture.
 TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
   const TempDir dir;
@@ -140,7 +140,7 @@ TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
   io::WriteMask(dir / "left.png", left);
   io::Scene scene = tests::SceneOf({dir / "a.png", dir / "a.png", dir / "a.png"}, 20, 20);
   const Eigen::Vector3d centre(0, 0, 4);
-  for (io::Frame& frame : scene.frames) frame.world_from_cam.translation = -centre;
+  for (io::Frame& frame : scene.frames) frame.world_from_cam.translation = -1.5 * centre;
   for (std::size_t i = 0; i < 2; ++i) scene.frames[i].world_from_cam.rotation.diagonal() << -1, 1, -1;
   scene.frames[2].world_from_cam.translation = centre;
   scene.frames[2].mask_path = dir / "left.png";
