@@ -1,5 +1,5 @@
-// A std::vector for large arrays of numbers: its first element starts a cache line, so that vector loads never
-// straddle two, and resize() leaves new elements as the memory was.
+// A std::vector for large arrays of numbers: its first element starts a cache line, so that vector loads
+// never straddle two, and resize() leaves new elements as the memory was.
 #pragma once
 
 #include <cstddef>
