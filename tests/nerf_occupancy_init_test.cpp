@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "io/image.h"
 #include "io/mask.h"
@@ -136,16 +137,19 @@ TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
 }
 
 // Two views along +z see all of the space, beyond `near`; one along -z has its nearer part closer than that,
-// and uses the left half of its picture. Cells that reach beyond `near` stay.
+// and uses the left half of its picture; two more look elsewhere from there. Cells that reach beyond `near`
+// stay.
 TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
   const TempDir dir;
   io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
   io::WriteMask(dir / "left.png", LeftHalf());
-  io::Scene scene = tests::SceneOf({dir / "a.png", dir / "a.png", dir / "a.png"}, 20, 20);
+  io::Scene scene = tests::SceneOf(std::vector(5, dir / "a.png"), 20, 20);
   const Eigen::Vector3d centre(0, 0, 4);
   for (io::Frame& frame : scene.frames) frame.world_from_cam.translation = -1.5 * centre;
   for (std::size_t i = 0; i < 2; ++i) scene.frames[i].world_from_cam.rotation.diagonal() << -1, 1, -1;
-  scene.frames[2].world_from_cam.translation = centre;
+  for (std::size_t i = 2; i < 5; ++i) scene.frames[i].world_from_cam.translation = centre;
+  scene.frames[3].world_from_cam.rotation.diagonal() << -1, 1, -1;        // has it behind
+  scene.frames[4].world_from_cam.rotation << 0, 0, -1, 0, 1, 0, 1, 0, 0;  // and beside its picture
   scene.frames[2].mask_path = dir / "left.png";
   const SpaceMap map = {{0, 0, 0}, 1, false};
   constexpr double kNear = 3.8;
