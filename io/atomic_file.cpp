@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "io/error.h"
+#include "io/owned_folder.h"
 
 namespace io {
 namespace {
@@ -69,17 +70,18 @@ void RemoveTemporaries(const std::filesystem::path& folder) {
 }
 
 void ReplaceFolder(const std::filesystem::path& folder, const std::filesystem::path& target) {
+  RequireOwnedFolder(target);
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     if (!entry.is_symlink() && (entry.is_regular_file() || entry.is_directory())) SyncPath(entry.path());
   }
   SyncPath(folder);
   const bool exchanged = renameat2(AT_FDCWD, folder.c_str(), AT_FDCWD, target.c_str(), RENAME_EXCHANGE) == 0;
   if (!exchanged) {  // nothing to replace, or the file system cannot exchange
-    std::filesystem::remove_all(target);
+    RemoveOwnedFolder(target);
     if (rename(folder.c_str(), target.c_str()) != 0) Fail(target, "create", 0);
   }
   SyncPath(target.parent_path());
-  if (exchanged) std::filesystem::remove_all(folder);
+  if (exchanged) RemoveOwnedFolder(folder);
 }
 
 std::string ReadFile(const std::filesystem::path& path, std::size_t max_bytes) {

@@ -14,10 +14,10 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
 // Removes what killed writers left below `folder`. Call it only where nobody else writes.
 void RemoveTemporaries(const std::filesystem::path& folder);
 
-// Flushes every file and folder below `folder` and renames it to `target`, replacing what stood there. After
-// a crash `target` is the old folder or the new one; the old one may be left under the name `folder`. (On
-// file systems that cannot exchange two names, such as NFS, `target` is missing for a moment.) Throws
-// kNoResources.
+// Flushes every file and folder below `folder` and renames it to `target`, replacing a folder of ours that
+// stood there (owned_folder.h). After a crash `target` is the old folder or the new one; the old one may be
+// left under the name `folder`. (On file systems that cannot exchange two names, such as NFS, `target` is
+// missing for a moment.) Throws kBadInput when `target` is not ours, kNoResources.
 void ReplaceFolder(const std::filesystem::path& folder, const std::filesystem::path& target);
 
 // The whole file; throws kBadInput when it cannot be read or exceeds `max_bytes`.

@@ -4,6 +4,7 @@
 
 #include "io/atomic_file.h"
 #include "io/error.h"
+#include "io/owned_folder.h"
 #include "io/process.h"
 #include "sfm/colmap_options.h"
 
@@ -64,7 +65,7 @@ io::ColmapModel RunColmapPreset(const ColmapPreset& preset,
                                 bool single_camera,
                                 const fs::path& work,
                                 io::ResourceUse* use) {
-  fs::remove_all(work);
+  io::RecreateOwnedFolder(work);
   fs::create_directories(work / "sparse");
   ColmapRun colmap(work);
   std::vector<std::string> extraction = {"--image_path",
@@ -87,7 +88,7 @@ io::ColmapModel RunColmapPreset(const ColmapPreset& preset,
     io::ColmapModel model = io::ReadColmapModel(entry.path());
     if (model.scene.frames.size() > largest.scene.frames.size()) largest = std::move(model);
   }
-  fs::remove_all(work);
+  io::RemoveOwnedFolder(work);
   if (largest.scene.frames.empty())
     throw io::Error(io::ExitCode::kNotReconstructible, "colmap mapper: no model");
   return largest;

@@ -7,6 +7,7 @@
 #include "io/atomic_file.h"
 #include "io/error.h"
 #include "io/interrupt.h"
+#include "io/owned_folder.h"
 #include "pipeline/bar_plot.h"
 #include "pipeline/bench.h"
 #include "pipeline/bench_table.h"
@@ -121,7 +122,7 @@ std::string Plot(const std::vector<KernelCase>& cases,
 void RunFieldKernels(const std::filesystem::path& out, const std::vector<std::string>& builds, int rounds) {
   const std::filesystem::path csv = out / "kernels.csv";
   CheckTableIsOurs(csv, kBenchTableHeader);  // before the work
-  std::filesystem::create_directories(out);
+  io::ClaimFolder(out);
   KernelData data;
   std::vector<KernelCase> cases = LimitCases(builds, &data);
   for (const std::string& build : builds) {

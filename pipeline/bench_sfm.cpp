@@ -1,5 +1,6 @@
 // `pipeline bench sfm`: how right poses are, and what they cost.
 #include "io/error.h"
+#include "io/owned_folder.h"
 #include "pipeline/bench.h"
 #include "pipeline/bench_table.h"
 #include "pipeline/options.h"
@@ -54,6 +55,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     sweep.detectors = SplitList(detectors);
     matrix.out = sweep.out = common.out;
     matrix.threads = sweep.threads = ResolvedThreads(common);
+    io::ClaimFolder(common.out);
     if (wants_kernels) RunKernels({.out = common.out});
     if (wants_matrix) RunMatrix(matrix);
     if (!sweep.images.empty()) RunSweep(sweep);

@@ -11,6 +11,7 @@
 #include "io/error.h"
 #include "io/image_size.h"
 #include "io/interrupt.h"
+#include "io/owned_folder.h"
 #include "io/photo_tags.h"
 #include "io/resource_meter.h"
 #include "pipeline/bench.h"
@@ -114,7 +115,7 @@ Run RunOnce(const SweepOptions& options,
   const fs::path work = options.out / "work";
   Measure(
       [&](io::ResourceUse* use) {
-        fs::remove_all(work);
+        io::RecreateOwnedFolder(work);
         const io::ResourceMeter meter;
         try {
           const sfm::Reconstruction found =
@@ -130,7 +131,7 @@ Run RunOnce(const SweepOptions& options,
       },
       truth,
       &run);
-  fs::remove_all(work);
+  io::RemoveOwnedFolder(work);
   return run;
 }
 
@@ -285,7 +286,6 @@ void RunSweep(const SweepOptions& options) {
   const std::vector<sfm::Picture> pictures = ReadPictures(options.images);
   std::optional<io::Scene> truth;
   if (!options.truth.empty()) truth = ReadTruePoses(options.truth);
-  fs::create_directories(options.out);
 
   std::vector<Run> runs;
   if (options.colmap) {

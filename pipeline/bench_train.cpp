@@ -5,6 +5,7 @@
 
 #include "io/error.h"
 #include "io/interrupt.h"
+#include "io/owned_folder.h"
 #include "io/process.h"
 #include "pipeline/bench.h"
 #include "pipeline/bench_table.h"
@@ -75,7 +76,7 @@ fs::path PrepareScene(const TrainBench& bench) {
 // A run folder of its own, whose scene is the shared one.
 fs::path PrepareRunFolder(const fs::path& folder, const fs::path& scene_run) {
   const fs::path link = folder / "scene", target = fs::absolute(scene_run) / "scene";
-  fs::create_directories(folder);
+  io::ClaimFolder(folder);
   if (fs::is_symlink(link)) fs::remove(link);
   fs::create_directory_symlink(target, link);
   return folder;
@@ -109,7 +110,7 @@ TrainingResult RunOnce(const TrainBench& bench,
 void RunTrainBench(const TrainBench& bench) {
   const fs::path csv = bench.common.out / "train_results.csv";
   CheckTableIsOurs(csv, kBenchTableHeader);
-  fs::create_directories(bench.common.out);
+  io::ClaimFolder(bench.common.out);
   const fs::path scene_run = PrepareScene(bench);
   std::vector<BudgetResults> budgets;
   for (const std::string& time : bench.times) {

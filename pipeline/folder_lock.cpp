@@ -8,6 +8,7 @@
 #include <ctime>
 
 #include "io/error.h"
+#include "io/owned_folder.h"
 #include "pipeline/stage.h"
 
 namespace pipeline {
@@ -42,13 +43,7 @@ std::string Acquire(int fd, const std::filesystem::path& run_folder) {
 }  // namespace
 
 FolderLock::FolderLock(const std::filesystem::path& run_folder, const std::string& name) {
-  std::error_code error;
-  std::filesystem::create_directories(run_folder, error);
-  if (!std::filesystem::is_directory(run_folder, error)) {
-    throw Error(ExitCode::kUsage,
-                run_folder.string() + ": is not a folder and none can be created",
-                "Choose another --out");
-  }
+  io::ClaimFolder(run_folder);
   const std::filesystem::path path = run_folder / ("." + name + ".lock");
   fd_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
   std::string fault = fd_ < 0 ? std::strerror(errno) : "";

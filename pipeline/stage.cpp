@@ -16,6 +16,7 @@
 #include "io/error.h"
 #include "io/hash.h"
 #include "io/interrupt.h"
+#include "io/owned_folder.h"
 #include "io/progress.h"
 #include "pipeline/run_record.h"
 
@@ -129,6 +130,7 @@ StageRun::StageRun(const std::string& stage_name,
     }
   }
   lock_ = std::make_unique<FolderLock>(run_folder_, "stage");
+  io::RequireOwnedFolder(final_);  // now, not after the work
 
   for (const fs::path& input : inputs) HashTree(input, run_folder_, &input_hashes_);
   Json versions = Json::parse(VersionsJson());
@@ -155,9 +157,9 @@ void StageRun::OpenPartial(bool keep_partial) {
                          io::ReadFile(key_file_) == key_;
   if (!resumable) {
     fs::remove(key_file_);  // first: a half-removed folder must not look resumable
-    fs::remove_all(partial_);
+    io::RemoveOwnedFolder(partial_);
   }
-  fs::create_directories(partial_);
+  io::ClaimFolder(partial_);
   io::RemoveTemporaries(run_folder_);
   io::WriteFileAtomically(key_file_, key_);
 }

@@ -44,8 +44,8 @@ int AvailableCores();
 // common.threads, or all available cores; never more than kMaxThreadsPerCore per core.
 int ResolvedThreads(const CommonOptions& common);
 
-// Held while a process works in a run folder; the kernel frees it when the owner dies. Throws kLocked naming
-// the owner.
+// Held while a process works in a run folder, which it makes ours (io/owned_folder.h); the kernel frees it
+// when the owner dies. Throws kLocked naming the owner.
 class FolderLock {
  public:
   FolderLock(const std::filesystem::path& run_folder, const std::string& name);

@@ -10,6 +10,7 @@
 #include "io/atomic_file.h"
 #include "io/error.h"
 #include "io/interrupt.h"
+#include "io/owned_folder.h"
 #include "io/progress.h"
 #include "io/transforms.h"
 #include "io/video_writer.h"
@@ -204,7 +205,8 @@ CaptureReport WriteCapture(const CaptureOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const fs::path target = fs::absolute(options.out).lexically_normal();
   const fs::path folder = target.string() + ".partial";
-  fs::remove_all(folder);
+  io::RequireOwnedFolder(target);
+  io::RecreateOwnedFolder(folder);
   fs::create_directories(folder / "truth");
   const StillLife still_life({.seed = options.seed,
                               .blank = options.kind == CaptureKind::kBlank,

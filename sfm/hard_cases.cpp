@@ -5,6 +5,7 @@
 #include <map>
 
 #include "io/error.h"
+#include "io/owned_folder.h"
 #include "io/process.h"
 #include "io/resource_meter.h"
 #include "sfm/doming.h"
@@ -125,12 +126,12 @@ HardCaseResult RunHardCase(const HardCase& hard_case,
   options.seed = seed;
   const SyntheticCapture capture = MakeSyntheticCapture(options);
   HardCaseResult result{.pictures = static_cast<int>(capture.pictures.size())};
-  fs::remove_all(work_folder);
+  io::RecreateOwnedFolder(work_folder);
   const io::ResourceMeter meter;
   Reconstruct(capture, work_folder, threads, &result);
   result.wall_s = meter.Use().wall_s;
   result.cpu_s = meter.Use().cpu_s;
-  fs::remove_all(work_folder);
+  io::RemoveOwnedFolder(work_folder);
   return result;
 }
 

@@ -10,6 +10,7 @@
 #include "io/error.h"
 #include "io/hash.h"
 #include "io/interrupt.h"
+#include "io/owned_folder.h"
 #include "tests/temp_dir.h"
 
 namespace {
@@ -92,15 +93,20 @@ TEST(AtomicFile, KilledWriterLeavesOldOrNewAndTheRestCanBeSwept) {
 
 TEST(AtomicFile, ReplacesFoldersAsAWhole) {
   const TempDir dir;
+  io::ClaimFolder(dir / "target");
   WriteText(dir / "target/old.txt", "old");
+  io::ClaimFolder(dir / "partial");
   WriteText(dir / "partial/sub/new.txt", "new");
   io::ReplaceFolder(dir / "partial", dir / "target");
   EXPECT_EQ(ReadText(dir / "target/sub/new.txt"), "new");
-  EXPECT_EQ(CountEntries(dir.path()), 3);  // target, sub, new.txt
+  EXPECT_EQ(CountEntries(dir.path()), 4);  // target, its marker, sub, new.txt
   WriteText(dir / "partial/x", "first");
   io::ReplaceFolder(dir / "partial", dir / "fresh");
   EXPECT_EQ(ReadText(dir / "fresh/x"), "first");
   EXPECT_FALSE(fs::exists(dir / "partial"));
+  WriteText(dir / "users/file.txt", "the user's");
+  EXPECT_ERROR(io::ReplaceFolder(dir / "target", dir / "users"), io::ExitCode::kBadInput, "users");
+  EXPECT_EQ(ReadText(dir / "users/file.txt"), "the user's");
 }
 
 TEST(AtomicFile, ReadFileRefusesWhatItShould) {

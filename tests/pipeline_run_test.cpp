@@ -202,6 +202,18 @@ TEST_F(FakeStages, InputWithPosesEntersAtNormalize) {
   EXPECT_EQ(OutputLines("holds a run of pictures"), 1);
 }
 
+TEST_F(FakeStages, TheInputsOwnFolderIsNoRunFolder) {
+  WriteText(dir_ / "lego/transforms_train.json", "{}");
+  WriteText(dir_ / "lego/train/r_0.png", "the user's");
+  fs::create_directory_symlink(dir_ / "lego", dir_ / "link");
+  for (const char* out : {"lego", "lego/.", "link"}) {
+    EXPECT_EQ(Pipeline({"run", (dir_ / "lego").string(), "--out", (dir_ / out).string()}), 3) << out;
+    EXPECT_EQ(OutputLines("holds files that this program did not write"), 1);
+  }
+  EXPECT_EQ(CountEntries(dir_ / "lego"), 3);
+  EXPECT_EQ(Log(), "");
+}
+
 TEST_F(FakeStages, UnusableCommandLinesFailBeforeAnyWork) {
   const std::string photos = (dir_ / "photos").string();
   WriteText(dir_ / "file", "");

@@ -150,6 +150,35 @@ TEST(StageRun, LostRunRecordIsRestored) {
   EXPECT_EQ(stage.Entry(), entry);
 }
 
+TEST(StageRun, NothingOfTheUserIsReplaced) {
+  const TempDir dir;
+  Doubling stage(dir);
+  // A folder of the user's as --out, named in three ways.
+  WriteText(dir / "lego/scene/r_0.png", "the user's");
+  fs::create_directory_symlink(dir / "lego", dir / "link");
+  for (const char* out : {"lego", "lego/.", "link"}) {
+    stage.run = dir / out;
+    EXPECT_ERROR(stage.Run(), ExitCode::kBadInput, "did not write");
+  }
+  EXPECT_EQ(ReadText(dir / "lego/scene/r_0.png"), "the user's");
+  EXPECT_EQ(CountEntries(dir / "lego"), 2);
+  // A run folder of ours, in which the user has put a folder or a link under the name of an output.
+  stage.run = dir / "run";
+  stage.Run();
+  for (const char* name : {"scene", ".scene.partial"}) {
+    fs::remove_all(stage.run / name);
+    WriteText(stage.run / name / "mine.txt", "the user's");
+    EXPECT_ERROR(stage.Run(2, 0, true), ExitCode::kBadInput, name);
+    EXPECT_EQ(ReadText(stage.run / name / "mine.txt"), "the user's");
+    fs::remove_all(stage.run / name);
+    fs::create_directory_symlink(dir / "lego/scene", stage.run / name);
+    EXPECT_ERROR(stage.Run(2, 0, true), ExitCode::kBadInput, name);
+    fs::remove(stage.run / name);
+  }
+  EXPECT_EQ(CountEntries(dir / "lego"), 2);
+  EXPECT_TRUE(stage.Run());
+}
+
 TEST(StageRun, UnusableArgumentsAreNamed) {
   const TempDir dir;
   Doubling stage(dir);
@@ -188,7 +217,7 @@ TEST(StageRun, ResumesOnlyAPartialFolderOfTheSameKey) {
   StageRun stage("render", common, options, {}, true);
   EXPECT_FALSE(fs::exists(stage.folder() / "frames/.2.png.99.pipeline-tmp"));
   stage.Finish();
-  EXPECT_EQ(CountEntries(dir / "run/render"), 3);  // frames, 1.png, render.json
+  EXPECT_EQ(CountEntries(dir / "run/render"), 4);  // the marker, frames, 1.png, render.json
 }
 
 TEST(StageRun, KilledAtAnyMomentLeavesOldOrNewAndTheRerunFinishes) {
