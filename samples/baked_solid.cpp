@@ -2,7 +2,7 @@
 // distance.
 #include "samples/baked_solid.h"
 
-#include "samples/parallel.h"
+#include "io/base/parallel.h"
 
 namespace samples {
 namespace {
@@ -22,7 +22,7 @@ BakedSolid::BakedSolid(const Solid& solid, int threads) : solid_(solid), cell_(2
   distance_.resize(count);
   lamp_.assign(count, 1.f);
   ambient_.assign(count, 1.f);
-  ParallelRows(kCells + 1, threads, [&](int z) {
+  io::ParallelFor(static_cast<std::size_t>(kCells + 1), threads, [&](std::size_t z) {
     for (int y = 0; y <= kCells; ++y) {
       for (int x = 0; x <= kCells; ++x) {
         distance_[Index(x, y, z)] = static_cast<float>(solid_.distance(Corner() + cell_ * Vec3(x, y, z)));
@@ -39,7 +39,7 @@ void BakedSolid::BakeLight(const LightFunction& light, int threads) {
   // Light is looked up between the eight corners of the cell that a surface point lies in: none is farther
   // than this.
   const double reach = 1.74 * cell_;
-  ParallelRows(kCells + 1, threads, [&](int z) {
+  io::ParallelFor(static_cast<std::size_t>(kCells + 1), threads, [&](std::size_t z) {
     for (int y = 0; y <= kCells; ++y) {
       for (int x = 0; x <= kCells; ++x) {
         const std::size_t i = Index(x, y, z);

@@ -7,13 +7,13 @@
 #include <cmath>
 #include <cstdio>
 
-#include "io/atomic_file.h"
-#include "io/error.h"
-#include "io/interrupt.h"
-#include "io/owned_folder.h"
-#include "io/progress.h"
-#include "io/transforms.h"
-#include "io/video_writer.h"
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/base/interrupt.h"
+#include "io/base/owned_folder.h"
+#include "io/base/progress.h"
+#include "io/scene/transforms.h"
+#include "io/video/video_writer.h"
 #include "samples/noise.h"
 #include "samples/photo_file.h"
 #include "samples/photograph.h"

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "io/scene.h"
+#include "io/scene/scene.h"
 
 namespace samples {
 
@@ -31,7 +31,7 @@ struct CaptureOptions {
   bool depth = false;      // also write the depth of every tenth photograph
 
   double focal_per_width = 0.85;
-  double k1 = -0.06;          // radial distortion (io/scene.h)
+  double k1 = -0.06;          // radial distortion (io/scene/scene.h)
   int photo_samples = 4;      // rays per pixel
   double noise_sigma = 1.2;   // sensor noise, in 1/255
   double exposure_ev = 0.15;  // largest change between photographs, +-

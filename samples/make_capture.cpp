@@ -4,8 +4,8 @@
 #include <string>
 #include <thread>
 
-#include "pipeline/options.h"
-#include "pipeline/stage.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
 #include "samples/capture.h"
 
 int main(int argc, char** argv) {

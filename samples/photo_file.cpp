@@ -7,8 +7,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "io/atomic_file.h"
-#include "io/check.h"
+#include "io/base/atomic_file.h"
+#include "io/base/check.h"
 
 namespace samples {
 namespace {

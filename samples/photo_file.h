@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "io/image.h"
+#include "io/image/image.h"
 
 namespace samples {
 

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/check.h"
+#include "io/base/check.h"
+#include "io/base/parallel.h"
 #include "samples/noise.h"
-#include "samples/parallel.h"
 
 namespace samples {
 namespace {
@@ -34,7 +34,7 @@ Photographer::Photographer(const io::Camera& camera, int samples, int threads)
     : camera_(camera), samples_(samples), threads_(threads) {
   const auto count = static_cast<std::size_t>(samples);
   rays_.resize(count * camera.width * camera.height);
-  ParallelRows(camera.height, threads, [&](int y) {
+  io::ParallelFor(static_cast<std::size_t>(camera.height), threads, [&](std::size_t y) {
     std::size_t i = count * y * camera.width;
     for (int x = 0; x < camera.width; ++x) {
       for (int s = 0; s < samples; ++s) {
@@ -53,7 +53,7 @@ io::Image Photographer::Take(const StillLife& scene,
   const auto per_pixel = static_cast<std::size_t>(samples_);
   const double pixel_angle = 1 / (camera_.fl_x * std::sqrt(samples_));
   const double gain = std::exp2(exposure.ev) / static_cast<double>(per_pixel * poses.size());
-  ParallelRows(camera_.height, threads_, [&](int y) {
+  io::ParallelFor(static_cast<std::size_t>(camera_.height), threads_, [&](std::size_t y) {
     for (int x = 0; x < camera_.width; ++x) {
       const Eigen::Vector3f* rays = &rays_[per_pixel * (static_cast<std::size_t>(y) * camera_.width + x)];
       Vec3 sum = Vec3::Zero();
@@ -76,7 +76,7 @@ io::Image Photographer::Take(const StillLife& scene,
 
 std::vector<float> Photographer::TakeDepth(const StillLife& scene, const io::Rigid3d& world_from_cam) const {
   std::vector<float> depth(static_cast<std::size_t>(camera_.width) * camera_.height);
-  ParallelRows(camera_.height, threads_, [&](int y) {
+  io::ParallelFor(static_cast<std::size_t>(camera_.height), threads_, [&](std::size_t y) {
     for (int x = 0; x < camera_.width; ++x) {
       const Vec3 ray = io::RayFromImg(camera_, {x + 0.5, y + 0.5}).value();
       depth[static_cast<std::size_t>(y) * camera_.width + x] =

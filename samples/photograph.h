@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "io/image.h"
-#include "io/scene.h"
+#include "io/image/image.h"
+#include "io/scene/scene.h"
 #include "samples/still_life.h"
 
 namespace samples {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "samples/parallel.h"
+#include "io/base/parallel.h"
 
 namespace samples {
 
@@ -15,7 +15,7 @@ Texture::Texture(int width,
                  const std::function<Eigen::Vector3d(double u, double v)>& paint)
     : wrap_u_(wrap_u) {
   Level base{width, height, std::vector<Eigen::Vector3f>(static_cast<std::size_t>(width) * height)};
-  ParallelRows(height, threads, [&](int y) {
+  io::ParallelFor(static_cast<std::size_t>(height), threads, [&](std::size_t y) {
     for (int x = 0; x < width; ++x) {
       base.texels[static_cast<std::size_t>(y) * width + x] =
           paint((x + 0.5) / width, (y + 0.5) / height).cast<float>();

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "io/pose.h"
+#include "io/scene/pose.h"
 
 namespace samples {
 

@@ -6,16 +6,17 @@
 #include <optional>
 #include <set>
 
-#include "io/error.h"
-#include "io/progress.h"
-#include "io/stopwatch.h"
-#include "sfm/camera_choice.h"
-#include "sfm/colmap.h"
-#include "sfm/diagnosis.h"
-#include "sfm/mapping_attempt.h"
-#include "sfm/observation_sigma.h"
-#include "sfm/pair_agreement.h"
-#include "sfm/stationary_matches.h"
+#include "io/base/error.h"
+#include "io/base/progress.h"
+#include "io/base/stopwatch.h"
+#include "sfm/bundle/camera_model_selection.h"
+#include "sfm/bundle/observation_sigma.h"
+#include "sfm/features/likely_pairs.h"
+#include "sfm/features/stationary_matches.h"
+#include "sfm/mapping/colmap.h"
+#include "sfm/mapping/diagnosis.h"
+#include "sfm/mapping/mapping_attempt.h"
+#include "sfm/mapping/pair_agreement.h"
 
 namespace sfm {
 namespace {

@@ -8,20 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "io/colmap_model.h"
-#include "sfm/bundle_uncertainty.h"
-#include "sfm/features.h"
-#include "sfm/matching.h"
+#include "io/scene/colmap_model.h"
+#include "sfm/bundle/bundle_uncertainty.h"
+#include "sfm/features/features.h"
+#include "sfm/features/matching.h"
+#include "sfm/features/picture.h"
 
 namespace sfm {
-
-struct Picture {
-  std::string name;  // file inside the pictures' folder: letters, digits, '.', '_' and '-'
-  int width = 0, height = 0;
-  double focal_px = 0;       // from EXIF; 0: unknown
-  std::string camera_group;  // pictures with the same text share one camera
-  bool is_video_frame = false;
-};
 
 struct ReconstructionOptions {
   std::string detector = "opencv";     // or colmap
@@ -45,7 +38,7 @@ struct ReconstructionTimes {
 
 struct Reconstruction {
   io::ColmapModel model;                // image paths are the pictures' names
-  BundleUncertainty uncertainty;        // of cameras and poses, see sfm/bundle_uncertainty.h
+  BundleUncertainty uncertainty;        // of cameras and poses, see sfm/bundle/bundle_uncertainty.h
   std::filesystem::path database, log;  // of the attempt that was used, below the work folder
   std::vector<Unregistered> unregistered;
   double triangulation_angle_deg = 0;  // median over the points
@@ -55,8 +48,9 @@ struct Reconstruction {
 };
 
 // decide: receives one line for every choice. The result does not depend on `threads`. Throws io::Error
-// kNotReconstructible with one named cause (sfm/diagnosis.h), kMissingTool when COLMAP is missing or fails,
-// kNoResources when it runs out of memory, kUsage for an unknown detector, camera model or way of matching.
+// kNotReconstructible with one named cause (sfm/mapping/diagnosis.h), kMissingTool when COLMAP is missing or
+// fails, kNoResources when it runs out of memory, kUsage for an unknown detector, camera model or way of
+// matching.
 Reconstruction Reconstruct(const std::vector<Picture>& pictures,
                            const std::filesystem::path& images_folder,
                            const std::filesystem::path& work_folder,

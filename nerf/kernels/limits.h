@@ -23,8 +23,9 @@ struct ArithmeticProbe {
 // Of a build that FindKernels knows; nullptr when this CPU lacks it.
 const ArithmeticProbe* FindArithmeticProbe(const char* name);
 
-// Random accesses to the entries of a table, of kFeatures values each. `mask` + 1 entries, a power of two and
-// at least kPicks; picks: kPicks random entries, which every round moves elsewhere. rounds * kPicks accesses.
+// io::Random accesses to the entries of a table, of kFeatures values each. `mask` + 1 entries, a power of two
+// and at least kPicks; picks: kPicks random entries, which every round moves elsewhere. rounds * kPicks
+// accesses.
 inline constexpr int kPicks = 1024;
 std::uint64_t GatherEntries(const float* table, std::uint32_t mask, const std::uint32_t* picks, int rounds);
 std::uint64_t GatherEntries(const Bf16* table, std::uint32_t mask, const std::uint32_t* picks, int rounds);

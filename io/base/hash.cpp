@@ -1,0 +1,42 @@
+#include "io/base/hash.h"
+
+#include <xxhash.h>
+
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <vector>
+
+#include "io/base/error.h"
+
+namespace io {
+namespace {
+
+std::string Hex(XXH128_hash_t hash) {
+  char text[33];
+  std::snprintf(text,
+                sizeof text,
+                "%016llx%016llx",
+                static_cast<unsigned long long>(hash.high64),
+                static_cast<unsigned long long>(hash.low64));
+  return text;
+}
+
+}  // namespace
+
+std::string HashBytes(std::string_view bytes) { return Hex(XXH3_128bits(bytes.data(), bytes.size())); }
+
+std::string HashFile(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw Error(ExitCode::kBadInput, path.string() + ": cannot be read");
+  const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(), &XXH3_freeState);
+  XXH3_128bits_reset(state.get());
+  std::vector<char> block(1 << 20);
+  while (in.read(block.data(), static_cast<std::streamsize>(block.size())), in.gcount() > 0) {
+    XXH3_128bits_update(state.get(), block.data(), static_cast<std::size_t>(in.gcount()));
+  }
+  if (in.bad()) throw Error(ExitCode::kBadInput, path.string() + ": cannot be read");
+  return Hex(XXH3_128bits_digest(state.get()));
+}
+
+}  // namespace io

@@ -1,0 +1,196 @@
+// A small document tree filled by nlohmann-json's streaming parser: limits hold before anything is built, and
+// the library's silent conversions (1e30 to INT_MIN, -5 to 4294967291, last duplicate wins) cannot happen.
+#include "io/base/json_reader.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <variant>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+
+namespace io {
+
+struct JsonObject {
+  std::vector<std::string> keys;
+  std::vector<JsonNode> values;  // same order as keys
+};
+
+struct JsonNode {
+  std::variant<std::nullptr_t, bool, double, std::string, std::vector<JsonNode>, JsonObject> value;
+};
+
+namespace {
+
+constexpr std::size_t kMaxBytes = std::size_t{256} << 20;
+constexpr std::size_t kMaxDepth = 64;           // honest files have 4 levels
+constexpr std::size_t kMaxValues = 8'000'000;   // 300,000 frames; bounds the tree to about 500 MB
+constexpr std::size_t kMaxMessageLength = 200;  // parse errors quote the input, which may be one endless line
+
+// Receives the parser's events. A returned false stops the parser; `refusal` then says why.
+class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
+ public:
+  bool null() override { return Add({nullptr}); }
+  bool boolean(bool value) override { return Add({value}); }
+  bool number_integer(number_integer_t value) override { return Add({static_cast<double>(value)}); }
+  bool number_unsigned(number_unsigned_t value) override { return Add({static_cast<double>(value)}); }
+  bool number_float(number_float_t value, const string_t&) override { return Add({value}); }
+  bool string(string_t& value) override { return Add({std::move(value)}); }
+  bool binary(binary_t&) override { return Refuse("binary value"); }
+  bool start_array(std::size_t) override { return Open({std::vector<JsonNode>()}); }
+  bool end_array() override { return Close(); }
+  bool start_object(std::size_t) override { return Open({JsonObject()}); }
+  bool end_object() override { return Close(); }
+
+  bool key(string_t& value) override {
+    Level& level = levels_.back();
+    if (!level.seen_keys.insert(value).second) return Refuse("key \"" + value + "\" occurs twice");
+    std::get<JsonObject>(level.node.value).keys.push_back(std::move(value));
+    return true;
+  }
+
+  bool parse_error(std::size_t byte, const std::string&, const nlohmann::detail::exception& error) override {
+    // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."; overflow comes without a line.
+    std::string what = error.what();
+    const std::size_t bracket = what.find("] ");
+    if (bracket != std::string::npos) what.erase(0, bracket + 2);
+    return Refuse(what.find("line ") != std::string::npos ? what
+                                                          : "byte " + std::to_string(byte) + ": " + what);
+  }
+
+  std::string refusal;
+  JsonNode root;
+
+ private:
+  struct Level {
+    JsonNode node;
+    std::set<std::string> seen_keys;
+  };
+
+  bool Refuse(std::string why) {
+    if (why.size() > kMaxMessageLength) why = why.substr(0, kMaxMessageLength) + "...";
+    refusal = std::move(why);
+    return false;
+  }
+
+  bool Open(JsonNode node) {
+    if (levels_.size() >= kMaxDepth)
+      return Refuse("nested deeper than " + std::to_string(kMaxDepth) + " levels");
+    levels_.push_back({std::move(node), {}});
+    return true;
+  }
+
+  bool Close() {
+    JsonNode node = std::move(levels_.back().node);
+    levels_.pop_back();
+    return Add(std::move(node));
+  }
+
+  bool Add(JsonNode node) {
+    if (++values_ > kMaxValues) return Refuse("holds more than " + std::to_string(kMaxValues) + " values");
+    if (levels_.empty()) {
+      root = std::move(node);
+    } else if (auto* items = std::get_if<std::vector<JsonNode>>(&levels_.back().node.value)) {
+      items->push_back(std::move(node));
+    } else {
+      std::get<JsonObject>(levels_.back().node.value).values.push_back(std::move(node));
+    }
+    return true;
+  }
+
+  std::vector<Level> levels_;
+  std::size_t values_ = 0;
+};
+
+std::string Text(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
+}  // namespace
+
+JsonReader JsonReader::ReadDocument(const std::filesystem::path& path) {
+  const std::string bytes = ReadFile(path, kMaxBytes);
+  TreeBuilder builder;
+  if (!nlohmann::json::sax_parse(bytes, &builder)) {
+    throw Error(ExitCode::kBadInput, path.string() + ": " + builder.refusal, "Repair the JSON");
+  }
+  return {std::make_shared<const std::string>(path.string()),
+          std::make_shared<const JsonNode>(std::move(builder.root)),
+          ""};
+}
+
+void JsonReader::Fail(const std::string& what, const std::string& remedy) const {
+  throw Error(
+      ExitCode::kBadInput, *file_ + ": " + (json_path_.empty() ? "" : json_path_ + ": ") + what, remedy);
+}
+
+bool JsonReader::Has(const std::string& key) const {
+  const auto* object = std::get_if<JsonObject>(&node_->value);
+  if (!object) Fail("is not an object");
+  return std::find(object->keys.begin(), object->keys.end(), key) != object->keys.end();
+}
+
+JsonReader JsonReader::At(const std::string& key) const {
+  if (!Has(key)) Fail("\"" + key + "\" is missing");
+  const auto& object = std::get<JsonObject>(node_->value);
+  const auto found = std::find(object.keys.begin(), object.keys.end(), key) - object.keys.begin();
+  return {file_,
+          std::shared_ptr<const JsonNode>(node_, &object.values[static_cast<std::size_t>(found)]),
+          json_path_.empty() ? key : json_path_ + "." + key};
+}
+
+std::vector<std::string> JsonReader::Keys() const {
+  const auto* object = std::get_if<JsonObject>(&node_->value);
+  if (!object) Fail("is not an object");
+  return object->keys;
+}
+
+std::size_t JsonReader::Size() const {
+  const auto* items = std::get_if<std::vector<JsonNode>>(&node_->value);
+  if (!items) Fail("is not an array");
+  return items->size();
+}
+
+JsonReader JsonReader::At(std::size_t index) const {
+  if (index >= Size()) Fail("has only " + std::to_string(Size()) + " elements");
+  return {file_,
+          std::shared_ptr<const JsonNode>(node_, &std::get<std::vector<JsonNode>>(node_->value)[index]),
+          json_path_ + "[" + std::to_string(index) + "]"};
+}
+
+double JsonReader::Number(double min, double max) const {
+  const auto* number = std::get_if<double>(&node_->value);
+  if (!number) {
+    Fail(std::holds_alternative<std::nullptr_t>(node_->value)
+             ? "is null where a number belongs (some programs write NaN so)"
+             : "is not a number");
+  }
+  if (!(*number >= min && *number <= max)) {
+    Fail(Text(*number) + " is outside " + Text(min) + " to " + Text(max));
+  }
+  return *number;
+}
+
+int JsonReader::Integer(int min, int max) const {
+  const double number = Number(min, max);
+  if (number != std::floor(number)) Fail(Text(number) + " is not a whole number");
+  return static_cast<int>(number);
+}
+
+bool JsonReader::Bool() const {
+  const auto* value = std::get_if<bool>(&node_->value);
+  if (!value) Fail("is neither true nor false");
+  return *value;
+}
+
+const std::string& JsonReader::String() const {
+  const auto* text = std::get_if<std::string>(&node_->value);
+  if (!text) Fail("is not a text");
+  return *text;
+}
+
+}  // namespace io

@@ -1,0 +1,102 @@
+#include "io/image/image.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/check.h"
+
+namespace io {
+namespace {
+
+cv::Mat ToMat(const Image& image) {
+  return {image.height, image.width, CV_8UC(image.channels), const_cast<std::uint8_t*>(image.data.data())};
+}
+
+}  // namespace
+
+Image MakeImage(int width, int height, int channels) {
+  return {width,
+          height,
+          channels,
+          std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * channels)};
+}
+
+Image ReadImage(const std::filesystem::path& path) {
+  cv::Mat mat;
+  try {
+    mat = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+  }
+  if (mat.empty()) throw Error(ExitCode::kBadInput, path.string() + ": cannot be read as a picture");
+  if (mat.depth() == CV_16U) mat.convertTo(mat, CV_8U, 1.0 / 257.0);
+  if (mat.depth() != CV_8U)
+    throw Error(ExitCode::kBadInput, path.string() + ": neither 8 nor 16 bits per channel");
+  Image image = MakeImage(mat.cols, mat.rows, mat.channels() == 4 ? 4 : 3);
+  cv::Mat target = ToMat(image);
+  cv::cvtColor(mat,
+               target,
+               mat.channels() == 1   ? cv::COLOR_GRAY2RGB
+               : mat.channels() == 4 ? cv::COLOR_BGRA2RGBA
+                                     : cv::COLOR_BGR2RGB);
+  return image;
+}
+
+std::vector<std::uint8_t> EncodeImage(const Image& image, const char* extension) {
+  cv::Mat bgr;
+  cv::cvtColor(ToMat(image), bgr, image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
+  std::vector<std::uint8_t> bytes;
+  const bool written =
+      cv::imencode(extension, bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, 3, cv::IMWRITE_JPEG_QUALITY, 95});
+  PIPELINE_CHECK(written);
+  return bytes;
+}
+
+void WriteImage(const std::filesystem::path& path, const Image& image) {
+  const std::vector<std::uint8_t> bytes = EncodeImage(image, path.extension().c_str());
+  WriteFileAtomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+}
+
+Image ResizeArea(const Image& image, int width, int height) {
+  if (image.width == width && image.height == height) return image;
+  cv::Mat source;
+  ToMat(image).convertTo(source, CV_32F, 1.0 / 255.0);
+  const int n = image.channels;
+  if (n == 4) {
+    source.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+      for (int c = 0; c < 3; ++c) p[c] *= p[3];
+    });
+  }
+  cv::Mat resized;
+  cv::resize(source,
+             resized,
+             cv::Size(width, height),
+             0,
+             0,
+             width <= image.width ? cv::INTER_AREA : cv::INTER_LINEAR);
+  Image result = MakeImage(width, height, n);
+  const float* in = resized.ptr<float>();
+  for (std::size_t i = 0; i < result.data.size(); ++i) {
+    const float alpha = n == 4 ? in[i / 4 * 4 + 3] : 1.f;
+    const float value = n == 4 && i % 4 != 3 ? (alpha > 0 ? in[i] / alpha : 0.f) : in[i];
+    result.data[i] = static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.f, 1.f) * 255.f));
+  }
+  return result;
+}
+
+Image CompositeOn(const Image& image, std::uint8_t background) {
+  if (image.channels == 3) return image;
+  Image result = MakeImage(image.width, image.height, 3);
+  for (std::size_t i = 0; i < result.data.size() / 3; ++i) {
+    const double alpha = image.data[4 * i + 3] / 255.0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double value = image.data[4 * i + c] * alpha + (1.0 - alpha) * background;
+      result.data[3 * i + c] = static_cast<std::uint8_t>(std::lround(value));
+    }
+  }
+  return result;
+}
+
+}  // namespace io

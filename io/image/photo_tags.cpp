@@ -1,0 +1,116 @@
+#include "io/image/photo_tags.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exiv2/exiv2.hpp>
+#include <mutex>
+
+namespace io {
+namespace {
+
+// Exiv2 keeps global state (XMP registry, log level).
+std::mutex exiv2_mutex;
+
+const Exiv2::Exifdatum* Find(const Exiv2::ExifData& exif, const char* key) {
+  const auto it = exif.findKey(Exiv2::ExifKey(key));
+  return it == exif.end() || it->count() == 0 ? nullptr : &*it;
+}
+
+double Number(const Exiv2::ExifData& exif, const char* key) {
+  const Exiv2::Exifdatum* datum = Find(exif, key);
+  return datum ? static_cast<double>(datum->toFloat()) : 0;
+}
+
+std::string Text(const Exiv2::ExifData& exif, const char* key) {
+  const Exiv2::Exifdatum* datum = Find(exif, key);
+  if (!datum) return "";
+  std::string text = datum->toString().substr(0, 64);
+  std::erase_if(text, [](char c) { return c < ' ' || c > '~'; });
+  return text;
+}
+
+PhotoTags TagsOf(const Exiv2::ExifData& exif) {
+  PhotoTags tags;
+  const double orientation = Number(exif, "Exif.Image.Orientation");
+  if (orientation >= 1 && orientation <= 8) tags.orientation = static_cast<int>(orientation);
+  tags.make = Text(exif, "Exif.Image.Make");
+  tags.model = Text(exif, "Exif.Image.Model");
+  tags.focal_35mm = Number(exif, "Exif.Photo.FocalLengthIn35mmFilm");
+  tags.focal_mm = Number(exif, "Exif.Photo.FocalLength");
+  tags.pixel_x_dimension = Number(exif, "Exif.Photo.PixelXDimension");
+  // FocalPlaneResolutionUnit: 2 inch (also the default), 3 cm, 4 mm.
+  const double unit = Number(exif, "Exif.Photo.FocalPlaneResolutionUnit");
+  const double mm_per_unit = unit == 3 ? 10 : unit == 4 ? 1 : 25.4;
+  tags.pixels_per_mm = Number(exif, "Exif.Photo.FocalPlaneXResolution") / mm_per_unit;
+  return tags;
+}
+
+std::uint32_t BigEndian32(std::string_view bytes, std::size_t offset) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[offset + i]);
+  return value;
+}
+
+}  // namespace
+
+PhotoTags ReadPhotoTags(std::string_view file) {
+  const std::lock_guard lock(exiv2_mutex);
+  Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
+  try {
+    const auto image = Exiv2::ImageFactory::open(reinterpret_cast<const Exiv2::byte*>(file.data()),
+                                                 static_cast<long>(file.size()));
+    image->readMetadata();
+    PhotoTags tags = TagsOf(image->exifData());
+    if (const Exiv2::DataBuf* icc = image->iccProfile(); icc && icc->size_ > 0) {
+      tags.colour_profile = ForeignProfileName(
+          {reinterpret_cast<const char*>(icc->pData_), static_cast<std::size_t>(icc->size_)});
+    }
+    return tags;
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+PhotoTags ParseExif(std::string_view exif) {
+  const std::lock_guard lock(exiv2_mutex);
+  Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
+  try {
+    Exiv2::ExifData data;
+    Exiv2::ExifParser::decode(
+        data, reinterpret_cast<const Exiv2::byte*>(exif.data()), static_cast<std::uint32_t>(exif.size()));
+    return TagsOf(data);
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+std::string ForeignProfileName(std::string_view icc) {
+  constexpr std::size_t kHeader = 128, kTagEntry = 12;  // ICC.1:2010, sections 7.2 and 7.3
+  std::string name = "unnamed";
+  if (icc.size() < kHeader + 4) return name;
+  const std::size_t n_tags =
+      std::min<std::size_t>(BigEndian32(icc, kHeader), (icc.size() - kHeader - 4) / kTagEntry);
+  for (std::size_t i = 0; i < n_tags; ++i) {
+    const std::size_t entry = kHeader + 4 + i * kTagEntry;
+    const std::size_t offset = BigEndian32(icc, entry + 4), size = BigEndian32(icc, entry + 8);
+    if (icc.substr(entry, 4) != "desc" || offset > icc.size() || size > icc.size() - offset) continue;
+    // Both text types ('desc': ASCII, 'mluc': UTF-16) reduce to the ASCII characters behind their header.
+    constexpr std::size_t kTextHeader = 12;
+    std::string text(icc.substr(offset, size).substr(std::min(size, kTextHeader)));
+    if (icc.substr(offset, 4) == "mluc") text = text.substr(std::min<std::size_t>(text.size(), 16));
+    if (icc.substr(offset, 4) == "desc") text = text.substr(0, text.find('\0'));
+    std::erase_if(text, [](char c) { return c < ' ' || c > '~'; });
+    if (!text.empty()) name = text.substr(0, 64);
+  }
+  return name.find("sRGB") != std::string::npos ? "" : name;
+}
+
+std::optional<double> FocalPixels(const PhotoTags& tags, int width, int height) {
+  if (tags.focal_35mm != 0) return tags.focal_35mm * std::hypot(width, height) / std::hypot(36.0, 24.0);
+  if (tags.focal_mm != 0 && tags.pixels_per_mm != 0 && tags.pixel_x_dimension > 0) {
+    return tags.focal_mm * tags.pixels_per_mm * std::max(width, height) / tags.pixel_x_dimension;
+  }
+  return std::nullopt;
+}
+
+}  // namespace io

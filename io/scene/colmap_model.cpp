@@ -1,0 +1,254 @@
+// Verifies what io/scene/colmap_records.h parsed and turns it into a Scene.
+#include "io/scene/colmap_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <set>
+#include <unordered_map>
+
+#include "io/base/error.h"
+#include "io/base/natural_order.h"
+#include "io/scene/colmap_records.h"
+
+namespace io {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Text files written with six digits are off by less than this; a damaged quaternion is off by more.
+constexpr double kUnitQuaternionTolerance = 1e-3;
+// Larger pictures do not exist; a damaged size would overflow int.
+constexpr std::uint64_t kMaxImageSide = 1 << 20;
+
+[[noreturn]] void Fail(const fs::path& path, const std::string& what) {
+  throw Error(ExitCode::kBadState, path.string() + ": " + what, "The model is damaged; reconstruct it again");
+}
+
+bool AllFinite(const auto& values) {
+  return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+}
+
+Camera ToCamera(const fs::path& path, const ColmapCameraRecord& record) {
+  const std::string label = "camera " + std::to_string(record.id);
+  const int n_params = ColmapParamCount(record.model);
+  if (n_params < 0) Fail(path, label + " has the undefined model '" + record.model.substr(0, 40) + "'");
+  if (static_cast<int>(record.params.size()) != n_params) {
+    Fail(path,
+         label + " has " + std::to_string(record.params.size()) + " parameters, " + record.model + " needs " +
+             std::to_string(n_params));
+  }
+  if (record.width == 0 || record.height == 0 || record.width > kMaxImageSide ||
+      record.height > kMaxImageSide) {
+    Fail(path, label + " has the size " + std::to_string(record.width) + "x" + std::to_string(record.height));
+  }
+  if (!AllFinite(record.params)) Fail(path, label + " has a parameter that is not finite");
+  Camera camera{.width = static_cast<int>(record.width), .height = static_cast<int>(record.height)};
+  const auto& p = record.params;
+  const auto set_shared_focal = [&] { camera.fl_x = camera.fl_y = p[0], camera.cx = p[1], camera.cy = p[2]; };
+  const auto set_two_focals = [&] {
+    camera.fl_x = p[0], camera.fl_y = p[1], camera.cx = p[2], camera.cy = p[3];
+  };
+  if (record.model == "SIMPLE_PINHOLE") {
+    set_shared_focal();
+  } else if (record.model == "PINHOLE") {
+    set_two_focals();
+  } else if (record.model == "SIMPLE_RADIAL") {
+    set_shared_focal();
+    camera.k1 = p[3];
+  } else if (record.model == "RADIAL") {
+    set_shared_focal();
+    camera.k1 = p[3], camera.k2 = p[4];
+  } else if (record.model == "OPENCV") {
+    set_two_focals();
+    camera.k1 = p[4], camera.k2 = p[5], camera.p1 = p[6], camera.p2 = p[7];
+  } else {
+    throw Error(ExitCode::kBadInput,
+                path.string() + ": " + label + " has the model " + record.model + ", which is not supported",
+                "Undistort first (colmap image_undistorter)");
+  }
+  if (!(camera.fl_x > 0) || !(camera.fl_y > 0))
+    Fail(path, label + " has a focal length that is not positive");
+  return camera;
+}
+
+// Names are joined to folders later: they must be relative, stay inside, and print on one line.
+bool IsSafeName(const std::string& name) {
+  const bool printable =
+      std::none_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; });
+  const fs::path path(name);
+  return !name.empty() && printable && path.is_relative() &&
+         std::none_of(path.begin(), path.end(), [](const fs::path& part) { return part == ".."; });
+}
+
+Rigid3d ToWorldFromCam(const fs::path& path, const ColmapImageRecord& record) {
+  const std::string label = "image " + std::to_string(record.id);
+  const auto& q = record.quaternion_wxyz;
+  if (!AllFinite(q) || !AllFinite(record.translation)) Fail(path, label + " has a pose that is not finite");
+  const Eigen::Quaterniond quaternion(q[0], q[1], q[2], q[3]);
+  if (!(std::abs(quaternion.norm() - 1.0) < kUnitQuaternionTolerance)) {
+    Fail(path, label + " has a quaternion that is not of unit length");
+  }
+  const Rigid3d cam_from_world{quaternion.normalized().toRotationMatrix(),
+                               {record.translation[0], record.translation[1], record.translation[2]}};
+  return FlipCameraAxes(cam_from_world.Inverse());
+}
+
+double Ratio(double sum, std::size_t n) { return n == 0 ? 0.0 : sum / static_cast<double>(n); }
+
+// Of the observations whose point lies in front of the camera.
+double MeanErrorPx(const ColmapModel& model) {
+  double sum = 0;
+  std::size_t n = 0;
+  for (const Observation& observation : model.observations) {
+    const auto projected = Project(model.scene, observation);
+    if (!projected) continue;
+    sum += (*projected - observation.xy).norm();
+    ++n;
+  }
+  return Ratio(sum, n);
+}
+
+class ModelBuilder {
+ public:
+  explicit ModelBuilder(const ColmapRecords& records) : records_(records) {}
+
+  ColmapModel Build() {
+    AddCameras();
+    AddImages();
+    AddPoints();
+    CheckFeatureReferences();
+    model_.mean_track_length = Ratio(static_cast<double>(model_.observations.size()), records_.points.size());
+    model_.mean_reprojection_error_px = MeanErrorPx(model_);
+    return std::move(model_);
+  }
+
+ private:
+  void AddCameras() {
+    for (const ColmapCameraRecord& record : records_.cameras) {
+      const int index = static_cast<int>(model_.scene.cameras.size());
+      if (!camera_index_.emplace(record.id, index).second) {
+        Fail(records_.cameras_path, "camera " + std::to_string(record.id) + " appears twice");
+      }
+      model_.scene.cameras.push_back(ToCamera(records_.cameras_path, record));
+    }
+    if (!records_.cameras.empty()) model_.camera_model = records_.cameras.front().model;
+  }
+
+  void AddImages() {
+    std::vector<std::size_t> order(records_.images.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return NaturalLess(records_.images[a].name, records_.images[b].name);
+    });
+    std::set<std::string> names;
+    for (const std::size_t i : order) {
+      const ColmapImageRecord& record = records_.images[i];
+      const std::string label = "image " + std::to_string(record.id);
+      if (!IsSafeName(record.name)) Fail(records_.images_path, label + " has an empty or unsafe name");
+      if (!names.insert(record.name).second) {
+        Fail(records_.images_path, label + ": the name '" + record.name + "' appears twice");
+      }
+      const auto camera = camera_index_.find(record.camera_id);
+      if (camera == camera_index_.end()) {
+        Fail(records_.images_path,
+             label + " refers to the missing camera " + std::to_string(record.camera_id));
+      }
+      const int index = static_cast<int>(model_.scene.frames.size());
+      if (!image_index_.emplace(record.id, Image{index, &record}).second) {
+        Fail(records_.images_path, label + " appears twice");
+      }
+      model_.scene.frames.push_back(
+          {record.name, camera->second, ToWorldFromCam(records_.images_path, record)});
+    }
+  }
+
+  void AddPoints() {
+    std::set<std::uint64_t> ids;
+    for (const ColmapPointRecord& record : records_.points) {
+      const std::string label = "point " + std::to_string(record.id);
+      if (!ids.insert(record.id).second) Fail(records_.points_path, label + " appears twice");
+      if (!AllFinite(record.xyz) || !std::isfinite(record.error_px)) {
+        Fail(records_.points_path, label + " is not finite");
+      }
+      Point3D point{.xyz = {record.xyz[0], record.xyz[1], record.xyz[2]},
+                    .rgb = record.rgb,
+                    .error_px = std::max(0.0, record.error_px)};  // COLMAP writes -1 for unknown
+      for (const ColmapTrackElement& element : record.track) AddObservation(record, element, &point);
+      model_.scene.points.push_back(std::move(point));
+    }
+  }
+
+  void AddObservation(const ColmapPointRecord& record, const ColmapTrackElement& element, Point3D* point) {
+    const std::string label = "point " + std::to_string(record.id);
+    const auto image = image_index_.find(element.image_id);
+    if (image == image_index_.end()) {
+      Fail(records_.points_path, label + " refers to the missing image " + std::to_string(element.image_id));
+    }
+    const auto& features = image->second.record->features;
+    if (element.feature_index >= features.size() || features[element.feature_index].point_id != record.id) {
+      Fail(records_.points_path,
+           label + " refers to feature " + std::to_string(element.feature_index) + " of image " +
+               std::to_string(element.image_id) + ", which does not refer back");
+    }
+    const ColmapFeatureRecord& feature = features[element.feature_index];
+    if (!std::isfinite(feature.x) || !std::isfinite(feature.y)) {
+      Fail(records_.images_path,
+           "image " + std::to_string(element.image_id) + " has a feature that is not finite");
+    }
+    point->frame_indices.push_back(image->second.frame_index);
+    model_.observations.push_back(
+        {image->second.frame_index, static_cast<int>(model_.scene.points.size()), {feature.x, feature.y}});
+  }
+
+  // Every track element points to a feature that points back; equal counts make it one to one.
+  void CheckFeatureReferences() const {
+    std::size_t n_references = 0;
+    for (const ColmapImageRecord& record : records_.images) {
+      n_references += static_cast<std::size_t>(std::count_if(
+          record.features.begin(), record.features.end(), [](const ColmapFeatureRecord& feature) {
+            return feature.point_id != kNoPoint;
+          }));
+    }
+    if (n_references != model_.observations.size()) {
+      Fail(records_.images_path,
+           "refers to points " + std::to_string(n_references) + " times, but " +
+               records_.points_path.filename().string() + " holds " +
+               std::to_string(model_.observations.size()) + " track elements");
+    }
+  }
+
+  struct Image {
+    int frame_index;
+    const ColmapImageRecord* record;
+  };
+  const ColmapRecords& records_;
+  ColmapModel model_;
+  std::unordered_map<std::uint32_t, int> camera_index_;
+  std::unordered_map<std::uint32_t, Image> image_index_;
+};
+
+}  // namespace
+
+std::optional<Eigen::Vector2d> Project(const Scene& scene, const Observation& observation) {
+  const Frame& frame = scene.frames[static_cast<std::size_t>(observation.frame_index)];
+  return ImgFromCam(
+      scene.cameras[static_cast<std::size_t>(frame.camera_index)],
+      frame.world_from_cam.Inverse() * scene.points[static_cast<std::size_t>(observation.point_index)].xyz);
+}
+
+bool IsColmapModel(const fs::path& folder) {
+  const auto holds_all = [&](const std::string& extension) {
+    return fs::is_regular_file(folder / ("cameras" + extension)) &&
+           fs::is_regular_file(folder / ("images" + extension)) &&
+           fs::is_regular_file(folder / ("points3D" + extension));
+  };
+  return holds_all(".bin") || holds_all(".txt");
+}
+
+ColmapModel ReadColmapModel(const fs::path& folder) {
+  const ColmapRecords records = ReadColmapRecords(folder);
+  return ModelBuilder(records).Build();
+}
+
+}  // namespace io

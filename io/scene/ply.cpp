@@ -1,0 +1,216 @@
+// Reads and writes point clouds as PLY. The writer makes one layout; the reader also takes the ASCII files
+// and the extra or double-precision vertex properties that other programs write beside a transforms.json.
+#include "io/scene/ply.h"
+
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <sstream>
+
+#include "io/base/atomic_file.h"
+#include "io/base/check.h"
+
+namespace io {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "PLY bytes are copied as they lie in memory");
+
+constexpr std::size_t kMaxHeaderBytes = 64 * 1024;  // an honest header has a dozen short lines
+constexpr std::size_t kBytesPerPoint = 3 * sizeof(float) + 3;
+
+enum class Scalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+
+struct Property {
+  std::string name;
+  Scalar type;
+};
+
+struct Header {
+  bool is_ascii = false;
+  std::size_t points = 0;
+  std::vector<Property> properties;
+  std::size_t size = 0;  // bytes up to and including the line "end_header"
+};
+
+[[noreturn]] void Fail(const std::filesystem::path& path, const std::string& what) {
+  throw Error(ExitCode::kBadInput,
+              path.string() + ": " + what,
+              "Expected a PLY point cloud (ascii or binary_little_endian) with x, y, z");
+}
+
+std::size_t SizeOf(Scalar type) {
+  switch (type) {
+    case Scalar::kInt8:
+    case Scalar::kUint8:
+      return 1;
+    case Scalar::kInt16:
+    case Scalar::kUint16:
+      return 2;
+    case Scalar::kInt32:
+    case Scalar::kUint32:
+    case Scalar::kFloat:
+      return 4;
+    case Scalar::kDouble:
+      break;
+  }
+  return 8;
+}
+
+Scalar ScalarFromName(const std::filesystem::path& path, const std::string& name) {
+  if (name == "char" || name == "int8") return Scalar::kInt8;
+  if (name == "uchar" || name == "uint8") return Scalar::kUint8;
+  if (name == "short" || name == "int16") return Scalar::kInt16;
+  if (name == "ushort" || name == "uint16") return Scalar::kUint16;
+  if (name == "int" || name == "int32") return Scalar::kInt32;
+  if (name == "uint" || name == "uint32") return Scalar::kUint32;
+  if (name == "float" || name == "float32") return Scalar::kFloat;
+  if (name == "double" || name == "float64") return Scalar::kDouble;
+  Fail(path, "vertex property type '" + name.substr(0, 32) + "' is not supported");
+}
+
+Header ParseHeader(const std::filesystem::path& path, const std::string& bytes) {
+  Header header;
+  const std::size_t end = bytes.substr(0, kMaxHeaderBytes).find("end_header\n");
+  if (!bytes.starts_with("ply\n") || end == std::string::npos) Fail(path, "has no PLY header");
+  header.size = end + std::strlen("end_header\n");
+  std::istringstream lines(bytes.substr(4, end - 4));
+  bool has_format = false, in_vertices = false, seen_vertices = false;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    std::string keyword, first, second;
+    words >> keyword >> first >> second;
+    if (keyword == "format") {
+      header.is_ascii = first == "ascii";
+      has_format = header.is_ascii || first == "binary_little_endian";
+      if (!has_format) Fail(path, "format '" + first.substr(0, 32) + "' is not supported");
+    } else if (keyword == "element") {
+      // Other elements may follow the vertices, but must not precede them: their size would have to be
+      // understood.
+      in_vertices = first == "vertex";
+      if (!in_vertices && !seen_vertices) Fail(path, "the first element is not 'vertex'");
+      if (!in_vertices) continue;
+      if (seen_vertices) Fail(path, "has two vertex elements");
+      seen_vertices = true;
+      const auto [stop, error] = std::from_chars(second.data(), second.data() + second.size(), header.points);
+      if (error != std::errc() || stop != second.data() + second.size()) Fail(path, "bad vertex count");
+    } else if (keyword == "property" && in_vertices) {
+      header.properties.push_back({second, ScalarFromName(path, first)});
+    }
+  }
+  if (!has_format || !seen_vertices) Fail(path, "states no format or no vertices");
+  return header;
+}
+
+template <typename T>
+double Load(const char* bytes) {
+  T value;
+  std::memcpy(&value, bytes, sizeof value);
+  return static_cast<double>(value);
+}
+
+double LoadScalar(Scalar type, const char* bytes) {
+  switch (type) {
+    case Scalar::kInt8:
+      return Load<std::int8_t>(bytes);
+    case Scalar::kUint8:
+      return Load<std::uint8_t>(bytes);
+    case Scalar::kInt16:
+      return Load<std::int16_t>(bytes);
+    case Scalar::kUint16:
+      return Load<std::uint16_t>(bytes);
+    case Scalar::kInt32:
+      return Load<std::int32_t>(bytes);
+    case Scalar::kUint32:
+      return Load<std::uint32_t>(bytes);
+    case Scalar::kFloat:
+      return Load<float>(bytes);
+    case Scalar::kDouble:
+      break;
+  }
+  return Load<double>(bytes);
+}
+
+// The next number of an ASCII body; advances `at`.
+double ParseScalar(const std::filesystem::path& path, const std::string& bytes, std::size_t* at) {
+  while (*at < bytes.size() && std::strchr(" \t\r\n", bytes[*at])) ++*at;
+  double value = 0;
+  const auto [stop, error] = std::from_chars(bytes.data() + *at, bytes.data() + bytes.size(), value);
+  if (error != std::errc()) Fail(path, "byte " + std::to_string(*at) + " is not the start of a number");
+  *at = static_cast<std::size_t>(stop - bytes.data());
+  return value;
+}
+
+int FindProperty(const Header& header, const std::string& name) {
+  for (std::size_t i = 0; i < header.properties.size(); ++i) {
+    if (header.properties[i].name == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+}  // namespace
+
+std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
+  const std::string bytes = ReadFile(path);
+  const Header header = ParseHeader(path, bytes);
+  const std::size_t n = header.properties.size();
+  const int xyz[] = {FindProperty(header, "x"), FindProperty(header, "y"), FindProperty(header, "z")};
+  const int rgb[] = {
+      FindProperty(header, "red"), FindProperty(header, "green"), FindProperty(header, "blue")};
+  for (int c = 0; c < 3; ++c) {
+    if (xyz[c] < 0) Fail(path, "has no x, y and z");
+    if (rgb[c] >= 0 && header.properties[static_cast<std::size_t>(rgb[c])].type != Scalar::kUint8)
+      Fail(path, "colours are not 8-bit");
+  }
+  std::size_t row = 0;
+  for (const Property& property : header.properties) row += SizeOf(property.type);
+  // An ASCII number takes a digit and a blank at least. Compared by division, so that no product can
+  // overflow.
+  const std::size_t least_row = header.is_ascii ? 2 * n : row;
+  if (header.points > (bytes.size() - header.size + 1) / least_row)
+    Fail(path, "holds fewer than the " + std::to_string(header.points) + " points it states");
+
+  std::vector<Point3D> points(header.points);
+  std::vector<double> values(n);
+  std::size_t at = header.size;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (std::size_t k = 0; k < n; ++k) {
+      if (header.is_ascii) {
+        values[k] = ParseScalar(path, bytes, &at);
+      } else {
+        values[k] = LoadScalar(header.properties[k].type, bytes.data() + at);
+        at += SizeOf(header.properties[k].type);
+      }
+    }
+    for (int c = 0; c < 3; ++c) {
+      points[i].xyz[c] = values[static_cast<std::size_t>(xyz[c])];
+      if (!std::isfinite(points[i].xyz[c])) Fail(path, "point " + std::to_string(i) + " is not finite");
+      if (rgb[c] < 0) continue;
+      const double value = values[static_cast<std::size_t>(rgb[c])];
+      if (!(value >= 0 && value <= 255))
+        Fail(path, "point " + std::to_string(i) + " has a colour out of range");
+      points[i].rgb[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value);
+    }
+  }
+  return points;
+}
+
+void WritePly(const std::filesystem::path& path, const std::vector<Point3D>& points) {
+  std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " +
+                      std::to_string(points.size()) +
+                      "\nproperty float x\nproperty float y\nproperty float z\n"
+                      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+  bytes.reserve(bytes.size() + points.size() * kBytesPerPoint);
+  for (const Point3D& point : points) {
+    for (int c = 0; c < 3; ++c) {
+      const float value = static_cast<float>(point.xyz[c]);
+      PIPELINE_CHECK(std::isfinite(value));
+      bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+    }
+    bytes.append(reinterpret_cast<const char*>(point.rgb.data()), point.rgb.size());
+  }
+  WriteFileAtomically(path, bytes);
+}
+
+}  // namespace io

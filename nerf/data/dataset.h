@@ -1,0 +1,49 @@
+// Posed pictures as rays and target colours.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/scene/scene.h"
+#include "nerf/data/pixel_runs.h"
+#include "nerf/sampling/ray.h"
+
+namespace nerf {
+
+struct View {
+  std::string name;
+  RayCamera camera;
+  int width, height;
+  std::size_t first_pixel;  // into Dataset::pixels, in pixels
+};
+
+struct Dataset {
+  std::vector<View> views;
+  int channels = 3;                  // 3: RGB; 4: RGB + straight alpha (all views alike)
+  std::vector<std::uint8_t> pixels;  // [n_pixels][channels]
+  // sRGB in [0, 1] of a background that the pictures have in them: alpha then has the values of
+  // plain_background.h.
+  std::optional<std::array<float, 3>> background;
+  PixelRuns runs;  // empty: every pixel is used
+  std::size_t n_pixels() const { return pixels.size() / static_cast<std::size_t>(channels); }
+  std::size_t n_used() const { return runs.empty() ? n_pixels() : runs.size(); }
+
+  // The used pixel of a rank in [0, n_used).
+  std::size_t UsedPixel(std::size_t rank) const { return runs.empty() ? rank : runs.Pixel(rank); }
+  // Whether each pixel is used; empty: no view has a mask.
+  std::vector<bool> UsedPixels() const;
+
+  // The view a pixel belongs to.
+  const View& ViewOf(std::size_t pixel) const;
+};
+
+// Reads the pictures of a scene and their masks. Pictures with and without alpha do not mix; alpha that is
+// opaque everywhere is dropped; pixels that are not used are opaque, for nothing is known to be empty there.
+// Throws kBadInput when a picture is missing or differs in size from its camera, or a mask from its picture.
+Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset = 0.5);
+
+}  // namespace nerf

@@ -1,0 +1,19 @@
+// Which pixels of pictures with alpha can show anything.
+#pragma once
+
+#include "io/base/parallel.h"
+#include "nerf/data/dataset.h"
+#include "nerf/sampling/scene_contraction.h"
+
+namespace nerf {
+
+// Leaves among the used pixels those whose rays can meet a cell of the visual hull (CarveByMasks): the others
+// have no samples and so no gradient. A pixel is left out when it is transparent and so is all around it, as
+// far as two cells can reach in that view. On Lego that is half of the pixels.
+void DropPixelsBesideHull(const io::Scene& scene,
+                          const SceneContraction& map,
+                          int grid_resolution,
+                          io::Workers* workers,
+                          Dataset* dataset);
+
+}  // namespace nerf

@@ -1,0 +1,214 @@
+#include "nerf/fields/checkpoint.h"
+
+#include <bit>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/base/hash.h"
+
+namespace nerf {
+namespace {
+
+using io::Error;
+using io::ExitCode;
+using Json = nlohmann::json;
+
+constexpr char kMagic[] = "NERFCKP4";
+constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
+constexpr std::size_t kMaxHeader = 1 << 20;
+constexpr std::size_t kMaxFile = std::size_t{8} << 30;
+static_assert(std::endian::native == std::endian::little, "tensors are stored little endian");
+
+// An array as it lies in the file.
+struct Entry {
+  std::string name;
+  char* data;
+  std::size_t bytes;
+  std::string_view view() const { return {data, bytes}; }
+};
+
+std::vector<Entry> Entries(SceneField* scene_field) {
+  std::vector<Entry> entries;
+  const auto add = [&](const std::string& name, auto values) {
+    entries.push_back({name, reinterpret_cast<char*>(values.data()), values.size_bytes()});
+  };
+  for (const Tensor& tensor : scene_field->field->State()) add(tensor.name, tensor.values);
+  add("occupancy", std::span(scene_field->grid.density()));
+  // Rebuilt only every few steps, so not a function of the densities at this one.
+  add("occupancy_distance", std::span(scene_field->grid.distance()));
+  return entries;
+}
+
+[[noreturn]] void Reject(const std::filesystem::path& path, const std::string& why) {
+  throw Error(ExitCode::kBadState, path.string() + ": " + why, "Delete it and train again");
+}
+
+template <typename T>
+T Get(const std::filesystem::path& path, const Json& json, const char* key, T low, T high) {
+  const auto it = json.find(key);
+  if (it == json.end() || !it->is_number()) Reject(path, std::string("header lacks ") + key);
+  const double value = it->get<double>();
+  if (!(value >= static_cast<double>(low) && value <= static_cast<double>(high))) {
+    Reject(path, std::string("header value of ") + key + " is out of range");
+  }
+  return it->get<T>();
+}
+
+// Header of a checkpoint whose text is `file`, at least up to the header's end.
+Json ParseHeader(const std::filesystem::path& path, const std::string& file, std::size_t* tensors_at) {
+  if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0)
+    Reject(path, "is not a checkpoint of this version");
+  std::uint32_t length;
+  std::memcpy(&length, file.data() + kMagicSize, 4);
+  if (length > kMaxHeader || length > file.size() - kPrefix) Reject(path, "is cut off in its header");
+  const std::string text = file.substr(kPrefix, length);
+  if (file.compare(kMagicSize + 4, kHashSize, io::HashBytes(text)) != 0) Reject(path, "header hash differs");
+  Json header = Json::parse(text, nullptr, false);
+  if (header.is_discarded() || !header.is_object()) Reject(path, "header is not JSON");
+  *tensors_at = kPrefix + length;
+  return header;
+}
+
+std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, const Json& header) {
+  const std::string kind = header.value("field", "");
+  const Json& config = header["config"];
+  if (kind == "hash") {
+    return std::make_unique<HashField>(
+        HashFieldOptions{.grid = {.n_levels = Get(path, config, "n_levels", 8, 8),
+                                  .log2_hashmap_size = Get(path, config, "log2_hashmap_size", 1, 24),
+                                  .base_resolution = Get(path, config, "base_resolution", 1, 1024),
+                                  .finest_resolution = Get(path, config, "finest_resolution", 1, 1 << 20),
+                                  .bf16 = Get(path, config, "bf16_table", 0, 1) == 1,
+                                  .entry_moments = Get(path, config, "entry_moments", 0, 1) == 1},
+                         .bf16_network = Get(path, config, "bf16_network", 0, 1) == 1},
+        0);
+  }
+  if (kind != "nerf") Reject(path, "holds a field of unknown kind '" + kind + "'");
+  FieldConfig values;
+  if (config.is_object()) {
+    for (const auto& [key, value] : config.items()) {
+      if (value.is_number()) values[key] = value.get<double>();
+    }
+  }
+  return std::make_unique<MlpField>(values);
+}
+
+}  // namespace
+
+void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state) {
+  const SceneContraction& map = scene_field->map;
+  const SamplerOptions& sampling = scene_field->sampler_options;
+  Json header;
+  header["map"] = {{"x", map.centre[0]},
+                   {"y", map.centre[1]},
+                   {"z", map.centre[2]},
+                   {"half", map.half},
+                   {"unbounded", map.unbounded ? 1 : 0}};
+  header["sampling"] = {{"near", sampling.near},
+                        {"far", sampling.far},
+                        {"step_size", sampling.step_size},
+                        {"cone_angle", sampling.cone_angle},
+                        {"scene_units", sampling.scene_units ? 1 : 0}};
+  header["field"] = scene_field->field->kind();
+  header["config"] = scene_field->field->Config();
+  if (const auto& background = scene_field->background)
+    header["background"] = {{"r", (*background)[0]}, {"g", (*background)[1]}, {"b", (*background)[2]}};
+  header["pixel_rays"] = scene_field->pixel_rays;
+  header["grid_resolution"] = scene_field->grid.resolution();
+  header["state"] = {{"seed", state.seed},
+                     {"step", state.step},
+                     {"budget_s", state.budget_s},
+                     {"elapsed_s", state.elapsed_s},
+                     {"n_rays", state.n_rays},
+                     {"learning_rate_scale", state.learning_rate_scale},
+                     {"skipped_steps", state.skipped_steps},
+                     {"restarts", state.restarts},
+                     {"squared_error", state.squared_error},
+                     {"channels", state.channels}};
+  std::size_t size = kPrefix;
+  for (const Entry& entry : Entries(scene_field)) {
+    header["tensors"].push_back(
+        {{"name", entry.name}, {"bytes", entry.bytes}, {"hash", io::HashBytes(entry.view())}});
+    size += entry.bytes;
+  }
+  const std::string text = header.dump();
+  const auto length = static_cast<std::uint32_t>(text.size());
+  std::string file;
+  file.reserve(size + text.size());
+  file.append(kMagic, kMagicSize)
+      .append(reinterpret_cast<const char*>(&length), 4)
+      .append(io::HashBytes(text))
+      .append(text);
+  for (const Entry& entry : Entries(scene_field)) file.append(entry.view());
+  io::WriteFileAtomically(path, file);
+}
+
+std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state) {
+  const std::string file = io::ReadFile(path, kMaxFile);
+  std::size_t at = 0;
+  Json header = ParseHeader(path, file, &at);
+  const Json &m = header["map"], &s = header["sampling"], &t = header["state"];
+  constexpr float kHuge = 1e30f;
+  SceneContraction map;
+  map.centre = {
+      Get(path, m, "x", -kHuge, kHuge), Get(path, m, "y", -kHuge, kHuge), Get(path, m, "z", -kHuge, kHuge)};
+  map.half = Get(path, m, "half", 1e-30f, kHuge);
+  map.unbounded = Get(path, m, "unbounded", 0, 1) == 1;
+  const SamplerOptions sampling{.near = Get(path, s, "near", 0.f, kHuge),
+                                .far = Get(path, s, "far", 0.f, kHuge),
+                                .step_size = Get(path, s, "step_size", 1e-30f, kHuge),
+                                .cone_angle = Get(path, s, "cone_angle", 0.f, kHuge),
+                                .scene_units = Get(path, s, "scene_units", 0, 1) == 1};
+  const int grid_resolution = Get(path, header, "grid_resolution", 64, 512);
+  state->seed = Get<std::uint64_t>(path, t, "seed", 0, ~0ull);
+  state->step = Get<std::uint64_t>(path, t, "step", 0, ~0ull);
+  state->budget_s = Get(path, t, "budget_s", 0.0, 1e12);
+  state->elapsed_s = Get(path, t, "elapsed_s", 0.0, 1e12);
+  state->n_rays = Get(path, t, "n_rays", 1, 1 << 24);
+  state->learning_rate_scale = Get(path, t, "learning_rate_scale", 0.0, 1.0);
+  state->skipped_steps = Get(path, t, "skipped_steps", 0, 1 << 20);
+  state->restarts = Get(path, t, "restarts", 0, 1 << 20);
+  state->squared_error = Get(path, t, "squared_error", -1.0, 1e12);
+  state->channels = Get(path, t, "channels", 3, 4);
+
+  auto scene_field = std::make_unique<SceneField>(map, sampling, MakeField(path, header), grid_resolution);
+  const int pixel_rays = Get(path, header, "pixel_rays", 1, 16);
+  if (!IsPixelRays(pixel_rays)) Reject(path, "header value of pixel_rays is not a square number");
+  scene_field->pixel_rays = pixel_rays;
+  if (const auto it = header.find("background"); it != header.end()) {
+    scene_field->background = {
+        Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};
+  }
+  std::size_t index = 0;
+  const std::vector<Entry> entries = Entries(scene_field.get());
+  if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())
+    Reject(path, "header lists other tensors");
+  for (const Entry& entry : entries) {
+    const Json& listed = header["tensors"][index++];
+    if (listed.value("name", "") != entry.name || listed.value("bytes", std::size_t{0}) != entry.bytes)
+      Reject(path, "tensor " + entry.name + " has another size");
+    if (file.size() - at < entry.bytes) Reject(path, "is cut off in tensor " + entry.name);
+    std::memcpy(entry.data, file.data() + at, entry.bytes);
+    if (listed.value("hash", "") != io::HashBytes(entry.view()))
+      Reject(path, "hash of tensor " + entry.name + " differs");
+    at += entry.bytes;
+  }
+  if (at != file.size()) Reject(path, "has bytes after its last tensor");
+  scene_field->field->Refresh();
+  scene_field->grid.Refresh();
+  return scene_field;
+}
+
+std::string CheckpointField(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string start(kPrefix + kMaxHeader, '\0');
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(in.gcount()));
+  std::size_t at = 0;
+  return ParseHeader(path, start, &at).value("field", "");
+}
+
+}  // namespace nerf

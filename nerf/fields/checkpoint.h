@@ -1,0 +1,37 @@
+// The state of a training run in one file: field, Adam moments, occupancy, schedule. Our own format, without
+// code:
+//   8 bytes magic "NERFCKP4", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
+//   tensors (float32, and bytes for the occupancy grid's distances).
+// The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
+// length field.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "nerf/fields/scene_field.h"
+
+namespace nerf {
+
+struct TrainState {
+  std::uint64_t seed = 1;
+  std::uint64_t step = 0;          // finished steps
+  double budget_s = 0;             // TrainOptions::time_s when training began
+  double elapsed_s = 0;            // training time used, monitoring excluded
+  int n_rays = 2048;               // size of the next batch
+  double learning_rate_scale = 1;  // halved after each non-finite step
+  int skipped_steps = 0, restarts = 0;
+  double squared_error = -1;  // running mean over pixels and channels; -1: none yet
+  int channels = 3;           // of the pictures
+};
+
+void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state);
+
+// Throws kBadState naming the check that failed: length, magic, header, tensor sizes, hashes.
+std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state);
+
+// The kind of field in a checkpoint, "hash" or "nerf", from its header alone. Throws as ReadCheckpoint.
+std::string CheckpointField(const std::filesystem::path& path);
+
+}  // namespace nerf

@@ -1,0 +1,72 @@
+// A field together with the space it lives in: all that rendering needs, and what a checkpoint stores.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "io/base/parallel.h"
+#include "nerf/data/dataset.h"
+#include "nerf/fields/hash_field.h"
+#include "nerf/fields/mlp_field.h"
+#include "nerf/sampling/occupancy_grid.h"
+#include "nerf/sampling/sampler.h"
+
+namespace nerf {
+
+// Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
+inline constexpr std::array<float, 3> kUnseenGrey = {0.5f, 0.5f, 0.5f};
+
+struct SceneField {
+  SceneField(const SceneContraction& space_map,
+             const SamplerOptions& sampling,
+             std::unique_ptr<RadianceField> radiance_field,
+             int grid_resolution)
+      : map(space_map),
+        sampler_options(sampling),
+        field(std::move(radiance_field)),
+        grid(grid_resolution, map) {}
+  SceneField(const SceneField&) = delete;  // the grid's map must stay the one above
+
+  SceneContraction map;
+  SamplerOptions sampler_options;
+  std::unique_ptr<RadianceField> field;
+  OccupancyGrid grid;
+  // Rays per pixel, a square: a pixel is the mean of rays through the cells of a square lattice on it.
+  int pixel_rays = 1;
+  // Of opaque pictures that share one (plain_background.h), sRGB in [0, 1].
+  std::optional<std::array<float, 3>> background;
+};
+
+// Overrides of what is otherwise derived from the scene; 0 keeps the derivation.
+struct SceneFieldOptions {
+  std::string field = "hash";  // or "nerf"
+  int log2_hashmap_size = 0;
+  int finest_resolution = 0;
+  double finest_cell_pixels = 0.9;
+  bool entry_moments = false;  // of the tables' optimiser, see hash_grid.h
+  int grid_resolution = 0;
+  // `hash`: tables looked up, and products computed, in bfloat16.
+  bool bf16_table = false, bf16_network = false;
+  MlpFieldOptions nerf;
+};
+
+// Sizes the field by what the scene needs (the derivation is returned as one line of text):
+//   pixel footprint p = distance to the centre of the region of interest / focal length (median over views)
+//   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
+//   finest grid cells of 0.9 p, coarsest 16 per axis, tables of 2^17 entries per level, unless the budget
+//   says otherwise (training_schedule.h)
+// Pictures with alpha, given or from a plain background: the space is the cube around their visual hull.
+// Others: contracted space around a cube of one to two times scene.aabb that holds 90 % of the sparse points.
+// `nerf` has the report's intervals, (far - near) / 192, in bounded scenes, and with a fixed number of
+// samples per ray those between near and far.
+std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
+                                           const Dataset& dataset,
+                                           const SceneFieldOptions& options,
+                                           std::uint64_t seed,
+                                           io::Workers* workers,
+                                           std::string* derivation);
+
+}  // namespace nerf

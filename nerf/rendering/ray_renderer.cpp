@@ -1,0 +1,236 @@
+#include "nerf/rendering/ray_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "nerf/rendering/volume_rendering.h"
+
+namespace nerf {
+namespace {
+
+constexpr int kRaysPerTask = 512, kStratifiedRays = 64;
+// Samples a ray may contribute to one wave: what is queried in vain behind a surface is at most one wave.
+constexpr int kWaveSamples = 4;
+// A sample gets a colour when this much weight has gathered since the last one that did, and stands for it.
+constexpr float kMinColourWeight = 1e-3f;
+
+struct RayState {
+  int index;
+  float t, t_last, optical_depth = 0;
+  float gathered = 0;  // weight since the last sample with a colour ...
+  float coloured = 0;  // ... and up to there
+  int count = 0;       // samples in the current wave
+};
+
+struct Scratch {
+  Samples samples;
+  MarchingRays marching;
+  std::vector<int> ray_of, active_of;  // of each sample
+  AlignedVector<float> sigma, rgb, weights;
+  AlignedVector<float> opacity, transmittance;  // of a sample alone, and behind it
+  std::vector<std::uint8_t> wanted;
+  std::vector<RayState> active;
+  std::vector<float> t, delta;
+
+  void Resize() {
+    const auto n = static_cast<std::size_t>(samples.size());
+    sigma.resize(n), rgb.resize(3 * n), weights.resize(n), wanted.resize(n);
+    opacity.resize(n), transmittance.resize(n);
+  }
+};
+
+// Weight of a sample at t; the ray goes on behind it.
+float Absorb(float opacity, float transmittance, float t, RenderedRay* ray) {
+  const float weight = ray->transmittance * opacity;
+  ray->depth += weight * t;
+  ray->transmittance = transmittance;
+  return weight;
+}
+
+void AddColour(float weight, const float* rgb, RenderedRay* ray) {
+  for (int j = 0; j < 3; ++j) ray->rgb[j] += weight * rgb[j];
+}
+
+// Marches up to kWaveSamples further samples of every active ray.
+void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_scale, Scratch* scratch) {
+  scratch->samples.clear(), scratch->marching.clear();
+  scratch->ray_of.clear(), scratch->active_of.clear();
+  for (const RayState& state : scratch->active)
+    sampler.AddRay(rays[static_cast<std::size_t>(state.index)], state.t, state.t_last, &scratch->marching);
+  sampler.March(step_scale, kWaveSamples, &scratch->marching, &scratch->samples);
+  for (std::size_t i = 0; i < scratch->active.size(); ++i) {
+    RayState& state = scratch->active[i];
+    state.t = scratch->marching.t[i];
+    state.count = scratch->marching.count[i];
+    const std::size_t n = scratch->ray_of.size() + static_cast<std::size_t>(state.count);
+    scratch->ray_of.resize(n, state.index);
+    scratch->active_of.resize(n, static_cast<int>(i));
+  }
+  scratch->Resize();
+}
+
+// Absorbs along the wave's samples and adds the colours of those that get one.
+void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch* scratch, RenderedRay* out) {
+  const kernels::Kernels& kernels = kernels::ActiveKernels();
+  const auto filter = [&](int first, int n, const float* sigma, std::uint8_t* wanted) {
+    const auto begin = static_cast<std::size_t>(first), end = begin + static_cast<std::size_t>(n);
+    for (std::size_t i = begin; i < end; ++i) {
+      const float tau = *sigma++ * scratch->samples.delta[i];
+      float& optical_depth = scratch->active[static_cast<std::size_t>(scratch->active_of[i])].optical_depth;
+      scratch->opacity[i] = tau;
+      scratch->transmittance[i] = -(optical_depth += tau);
+    }
+    kernels.one_minus_exp_neg(n, &scratch->opacity[begin]);
+    kernels.exp(n, &scratch->transmittance[begin]);
+    for (std::size_t i = begin; i < end; ++i) {
+      RayState& state = scratch->active[static_cast<std::size_t>(scratch->active_of[i])];
+      state.gathered +=
+          Absorb(scratch->opacity[i], scratch->transmittance[i], scratch->samples.t[i], &out[state.index]);
+      // Written so that a NaN is shown.
+      *wanted++ = scratch->wanted[i] = !(state.gathered < kMinColourWeight);
+      if (!scratch->wanted[i]) continue;
+      scratch->weights[i] = state.gathered;
+      state.coloured += state.gathered;
+      state.gathered = 0;
+    }
+  };
+  scene_field.field->Query(
+      scratch->samples, rays, scratch->ray_of, 0, filter, scratch->sigma.data(), scratch->rgb.data());
+  for (std::size_t i = 0; i < scratch->weights.size(); ++i) {
+    if (scratch->wanted[i]) AddColour(scratch->weights[i], &scratch->rgb[3 * i], &out[scratch->ray_of[i]]);
+  }
+}
+
+void RenderPruned(const SceneField& scene_field,
+                  std::span<const Ray> rays,
+                  int pixel_rays,
+                  float step_scale,
+                  Scratch* scratch,
+                  RenderedRay* out) {
+  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
+  scratch->active.clear();
+  for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
+    RayState state{.index = i, .t = 0, .t_last = 0};
+    sampler.Range(rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
+    const float share = static_cast<float>(i % pixel_rays) / static_cast<float>(pixel_rays);
+    state.t += share * sampler.Delta(step_scale, state.t);
+    out[i] = {{0, 0, 0}, 1, 0};
+    scratch->active.push_back(state);
+  }
+  while (!scratch->active.empty()) {
+    MarchWave(sampler, rays, step_scale, scratch);
+    ShadeWave(scene_field, rays, scratch, out);
+    std::size_t kept = 0;
+    for (RayState state : scratch->active) {
+      RenderedRay& ray = out[state.index];
+      const bool left = state.count < kWaveSamples, opaque = ray.transmittance < kEarlyStopTransmittance;
+      if (!left && !opaque) {
+        scratch->active[kept++] = state;
+        continue;
+      }
+      ray.depth += ray.transmittance * std::max(state.t_last, 0.f);
+      const float share = state.coloured > 0 ? (1 - ray.transmittance) / state.coloured : 1;
+      for (float& c : ray.rgb) c *= share;
+    }
+    scratch->active.resize(kept);
+  }
+}
+
+// Every ray at the midpoints of its bins; with importance samples, a first network finds where they go.
+void RenderStratified(const SceneField& scene_field,
+                      std::span<const Ray> rays,
+                      Scratch* scratch,
+                      RenderedRay* out) {
+  const QuadratureOptions quadrature = scene_field.field->quadrature();
+  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
+  const float near = scene_field.sampler_options.near, far = scene_field.sampler_options.far;
+  const int n_rays = static_cast<int>(rays.size());
+  std::vector<std::vector<float>> t(rays.size());
+  for (std::vector<float>& distances : t)
+    StratifiedDistances(near, far, quadrature.n_samples, nullptr, &distances);
+  const int n_passes = quadrature.n_importance > 0 ? 2 : 1;
+  for (int pass = 0; pass < n_passes; ++pass) {
+    scratch->samples.clear();
+    scratch->ray_of.clear();
+    for (int r = 0; r < n_rays; ++r) {
+      const std::vector<float>& distances = t[static_cast<std::size_t>(r)];
+      IntervalLengths(near, far, quadrature.open_end, distances, &scratch->delta);
+      sampler.Place(rays[static_cast<std::size_t>(r)], distances, scratch->delta, &scratch->samples);
+      scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), r);
+    }
+    scratch->Resize();
+    const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
+    scene_field.field->Query(
+        scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
+    std::size_t first = 0;
+    for (int r = 0; r < n_rays; ++r) {
+      std::vector<float> weights;
+      float optical_depth = 0;
+      out[r] = {{0, 0, 0}, 1, 0};
+      for (const std::size_t last = first + t[static_cast<std::size_t>(r)].size(); first < last; ++first) {
+        const float tau = scratch->sigma[first] * scratch->samples.delta[first];
+        optical_depth += tau;
+        weights.push_back(
+            Absorb(-std::expm1(-tau), std::exp(-optical_depth), scratch->samples.t[first], &out[r]));
+        AddColour(weights.back(), &scratch->rgb[3 * first], &out[r]);
+      }
+      out[r].depth += out[r].transmittance * far;
+      if (pass + 1 < n_passes) {
+        AddImportanceSamples(
+            near, far, weights, quadrature.n_importance, nullptr, &t[static_cast<std::size_t>(r)]);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
+                                    std::span<const Ray> rays,
+                                    int pixel_rays,
+                                    float step_scale,
+                                    io::Workers* workers) {
+  std::vector<RenderedRay> out(rays.size());
+  std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
+  const bool stratified = scene_field.field->quadrature().n_samples > 0;
+  const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / pixel_rays * pixel_rays;
+  const int n_tasks = (static_cast<int>(rays.size()) + per_task - 1) / per_task;
+  workers->Run(n_tasks, [&](int task, int thread) {
+    const std::size_t first = static_cast<std::size_t>(task) * static_cast<std::size_t>(per_task);
+    const std::span<const Ray> mine =
+        rays.subspan(first, std::min(static_cast<std::size_t>(per_task), rays.size() - first));
+    Scratch* own = &scratch[static_cast<std::size_t>(thread)];
+    if (stratified) {
+      RenderStratified(scene_field, mine, own, &out[first]);
+    } else {
+      RenderPruned(scene_field, mine, pixel_rays, step_scale, own, &out[first]);
+    }
+  });
+  return out;
+}
+
+std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
+                                      std::span<const CameraPixel> pixels,
+                                      int pixel_rays,
+                                      float step_scale,
+                                      io::Workers* workers) {
+  const auto n = static_cast<std::size_t>(pixel_rays);
+  std::vector<Ray> rays(pixels.size() * n);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const CameraPixel& pixel = pixels[i / n];
+    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), pixel_rays);
+    rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
+  }
+  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, pixel_rays, step_scale, workers);
+  const float share = 1.f / static_cast<float>(n);
+  std::vector<RenderedRay> means(pixels.size());
+  for (std::size_t i = 0; i < rendered.size(); ++i) {
+    RenderedRay& mean = means[i / n];
+    for (int j = 0; j < 3; ++j) mean.rgb[j] += share * rendered[i].rgb[j];
+    mean.transmittance += share * rendered[i].transmittance;
+    mean.depth += share * rendered[i].depth;
+  }
+  return means;
+}
+
+}  // namespace nerf

@@ -1,0 +1,45 @@
+// Renders rays through a trained field: waves of a few samples per ray, so that a ray stops as soon as it is
+// opaque; or, for fields with a fixed number of samples per ray, at the midpoints of their bins.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "nerf/data/dataset.h"
+#include "nerf/fields/scene_field.h"
+
+namespace nerf {
+
+struct RenderedRay {
+  // Sum of weights times colour, background not included. Along the occupancy grid, one colour serves
+  // neighbouring samples of less than 1e-3 together; a ray with less opacity in all has none.
+  float rgb[3];
+  float transmittance;  // share of the background that shows
+  float depth;          // expected distance along the ray; the end of the ray where nothing is hit
+};
+
+// A pixel of a camera.
+struct CameraPixel {
+  const RayCamera* camera;
+  int x, y;
+};
+
+// step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
+// pixel_rays rays of a pixel follow one another; along the occupancy grid their first intervals are staggered
+// evenly, so that their mean sees the surface at as many depths. Results do not depend on the number of
+// workers.
+std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
+                                    std::span<const Ray> rays,
+                                    int pixel_rays,
+                                    float step_scale,
+                                    io::Workers* workers);
+
+// Means over pixel_rays rays of each pixel, a square number, through the centres of its cells. Their number
+// in training, scene_field.pixel_rays, serves best.
+std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
+                                      std::span<const CameraPixel> pixels,
+                                      int pixel_rays,
+                                      float step_scale,
+                                      io::Workers* workers);
+
+}  // namespace nerf

@@ -1,0 +1,57 @@
+#include "nerf/rendering/trained_field.h"
+
+#include "nerf/fields/checkpoint.h"
+#include "nerf/rendering/ray_renderer.h"
+
+namespace nerf {
+namespace {
+
+// Rows of pixels whose rays are in memory together.
+constexpr int kBandRows = 128;
+
+class CheckpointTrainedField : public TrainedField {
+ public:
+  explicit CheckpointTrainedField(const std::filesystem::path& checkpoint) {
+    scene_field_ = ReadCheckpoint(checkpoint, &state_);
+  }
+
+  RenderedView Render(const io::Camera& camera,
+                      const io::Rigid3d& world_from_cam,
+                      const RenderOptions& options) const override {
+    const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
+    io::Workers workers(options.threads);
+    RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
+    const int pixel_rays = options.pixel_rays > 0 ? options.pixel_rays : scene_field_->pixel_rays;
+    const float step_scale = options.step_scale > 0 ? options.step_scale : pixel_rays > 1 ? 0.7f : 0.5f;
+    const std::array<float, 3> background =
+        scene_field_->background.value_or(state_.channels == 4 ? options.background : kUnseenGrey);
+    std::vector<CameraPixel> band;
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
+      if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
+      for (const RenderedRay& ray : RenderPixels(*scene_field_, band, pixel_rays, step_scale, &workers)) {
+        for (std::size_t j = 0; j < 3; ++j) {
+          view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
+        }
+        view.depth.push_back(ray.depth);
+        view.opacity.push_back(1.f - ray.transmittance);
+      }
+      band.clear();
+    }
+    return view;
+  }
+
+ private:
+  TrainState state_;
+  std::unique_ptr<SceneField> scene_field_;
+};
+
+}  // namespace
+
+std::string FieldOfCheckpoint(const std::filesystem::path& checkpoint) { return CheckpointField(checkpoint); }
+
+std::unique_ptr<TrainedField> TrainedField::Load(const std::filesystem::path& checkpoint) {
+  return std::make_unique<CheckpointTrainedField>(checkpoint);
+}
+
+}  // namespace nerf

@@ -1,0 +1,44 @@
+#include "nerf/training/field_training.h"
+
+#include <algorithm>
+
+#include "io/base/random.h"
+
+namespace nerf {
+
+int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high) {
+  const double n =
+      static_cast<double>(n_rays) * wanted / static_cast<double>(std::max<std::uint64_t>(n_samples, 1));
+  return static_cast<int>(std::clamp(std::clamp(n, 0.5 * n_rays, 2.0 * n_rays), double(low), double(high)));
+}
+
+void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
+                    std::uint64_t stride,
+                    std::uint64_t turn,
+                    std::uint64_t seed,
+                    std::uint64_t step,
+                    SceneField* scene_field,
+                    io::Workers* workers) {
+  OccupancyGrid& grid = scene_field->grid;
+  std::vector<std::uint32_t> cells;
+  for (std::size_t i = turn % stride; i < candidates.size(); i += stride) cells.push_back(candidates[i]);
+  std::vector<float> sigma(cells.size());
+  constexpr std::size_t kTask = 4096;
+  const float size = 1.f / static_cast<float>(grid.resolution());
+  workers->Run(static_cast<int>((cells.size() + kTask - 1) / kTask), [&](int task, int) {
+    const std::size_t first = static_cast<std::size_t>(task) * kTask,
+                      last = std::min(cells.size(), first + kTask);
+    Samples points;
+    for (std::size_t i = first; i < last; ++i) {
+      io::Random random(seed, io::Stream::kProbe, step, 3 * i);
+      const std::array<float, 3> centre = grid.CellCentre(cells[i]);
+      points.x.push_back(centre[0] + size * (random.Uniform() - 0.5f));
+      points.y.push_back(centre[1] + size * (random.Uniform() - 0.5f));
+      points.z.push_back(centre[2] + size * (random.Uniform() - 0.5f));
+    }
+    scene_field->field->QueryDensity(points, &sigma[first]);
+  });
+  for (std::size_t i = 0; i < cells.size(); ++i) grid.Probe(cells[i], sigma[i]);
+}
+
+}  // namespace nerf

@@ -1,0 +1,71 @@
+#include "nerf/training/heldout_monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "io/base/random.h"
+
+namespace nerf {
+namespace {
+
+constexpr int kPixels = 8192;
+constexpr int kConstantPixels = 65536;
+constexpr std::array<float, 3> kWhite = {1, 1, 1};
+
+}  // namespace
+
+HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset) {
+  if (heldout.frames.empty()) return;
+  const Dataset dataset = LoadDataset(heldout, threads, pixel_offset);
+  views_ = dataset.views;
+  has_alpha_ = dataset.channels == 4;
+  for (std::uint64_t i = 0; i < kPixels; ++i) {
+    const std::size_t pixel = dataset.UsedPixel(
+        io::Random(0, io::Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
+    const View& view = views_[static_cast<std::size_t>(&dataset.ViewOf(pixel) - dataset.views.data())];
+    const int in_view = static_cast<int>(pixel - view.first_pixel);
+    pixels_.push_back({&view.camera, in_view % view.width, in_view / view.width});
+    const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
+    const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
+    for (int j = 0; j < 3; ++j) target_.push_back(static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha));
+  }
+}
+
+double HeldoutMonitor::Psnr(const SceneField& scene_field, io::Workers* workers) const {
+  if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const std::vector<RenderedRay> rendered =
+      RenderPixels(scene_field, pixels_, scene_field.pixel_rays, 1.f, workers);
+  const std::array<float, 3> background = has_alpha_ ? kWhite : scene_field.background.value_or(kUnseenGrey);
+  double sum = 0;
+  for (std::size_t i = 0; i < rendered.size(); ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      const float value =
+          std::clamp(rendered[i].rgb[j] + rendered[i].transmittance * background[j], 0.f, 1.f);
+      const double error = value - target_[3 * i + j];
+      sum += error * error;
+    }
+  }
+  return -10 * std::log10(std::max(sum / static_cast<double>(target_.size()), 1e-12));
+}
+
+double ConstantSquaredError(const Dataset& dataset, double background) {
+  double sum[3] = {}, squares[3] = {};
+  for (std::uint64_t i = 0; i < kConstantPixels; ++i) {
+    const std::size_t pixel = dataset.UsedPixel(
+        io::Random(1, io::Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
+    const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
+    const double alpha = dataset.channels == 4 ? p[3] / 255.0 : 1.0;
+    for (int j = 0; j < 3; ++j) {
+      const double value = p[j] / 255.0 * alpha + background * (1 - alpha);
+      sum[j] += value;
+      squares[j] += value * value;
+    }
+  }
+  double variance = 0;
+  for (int j = 0; j < 3; ++j)
+    variance += squares[j] / kConstantPixels - sum[j] * sum[j] / kConstantPixels / kConstantPixels;
+  return variance / 3;
+}
+
+}  // namespace nerf

@@ -1,0 +1,76 @@
+// `pipeline doctor`: what this computer offers, what is missing, and how to get it.
+#include <cstdio>
+
+#include "io/base/error.h"
+#include "pipeline/command/commands.h"
+#include "pipeline/machine/machine.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stage/stage_table.h"
+
+namespace pipeline {
+namespace {
+
+// ATLAS and the reference BLAS stay below it on any CPU with AVX2; OpenBLAS is above it on one core.
+constexpr double kSlowSgemmGflops = 60;
+
+template <typename... Values>
+void Row(const char* name, const char* format, Values... values) {
+  std::printf("%-9s", name);
+  std::printf(format, values...);
+  std::printf("\n");
+}
+
+// Prints the program's row; true when it can serve.
+bool Report(const char* name, const Program& program, const char* package) {
+  if (program.fault.empty()) {
+    Row(name, "%s (%s)", program.version.c_str(), program.path.c_str());
+    return true;
+  }
+  Row(name, "%s %s: apt install %s", program.path.c_str(), program.fault.c_str(), package);
+  return false;
+}
+
+}  // namespace
+
+int RunDoctor(int argc, const char* const* argv) {
+  return GuardedMain("pipeline doctor", [&] {
+    std::filesystem::path out = ".";
+    Options options("pipeline doctor",
+                    "Checks processor, memory, disk, linear algebra and external programs.");
+    options.Add("out", &out, "folder whose disk is checked", false);
+    if (!options.Parse(argc, argv)) return;
+
+    const Machine machine = DescribeMachine();
+    Row("CPU", "%s, %d cores", machine.cpu.c_str(), machine.cores);
+    Row("SIMD", "%s", machine.simd.c_str());
+    Row("memory", "%.1f GiB, %.1f free", machine.memory_gib, machine.memory_available_gib);
+    std::error_code error;
+    const auto space = std::filesystem::space(out, error);
+    if (error) throw io::Error(io::ExitCode::kBadInput, out.string() + ": " + error.message());
+    Row("disk", "%.1f GiB free", static_cast<double>(space.available) / (1 << 30));
+    const double gflops = MeasureSgemmGflops();
+    Row("BLAS",
+        "%s with %s kernels, %d threads, sgemm %.0f GFLOP/s",
+        machine.blas.c_str(),
+        machine.blas_kernels.c_str(),
+        machine.blas_threads,
+        gflops);
+    if (machine.simd == "avx512" && (machine.blas_kernels == "Haswell" || machine.blas_kernels == "Zen"))
+      Row("", "these kernels leave AVX-512 unused: export OPENBLAS_CORETYPE=SKYLAKEX");
+    if (gflops < kSlowSgemmGflops && machine.simd != "portable")
+      Row("", "slow for this CPU: close other programs, or apt install libopenblas-openmp-dev");
+
+    const bool has_colmap = Report("COLMAP", FindColmap(), "colmap");
+    const bool has_ffmpeg = Report("ffmpeg", FindFfmpeg(), "ffmpeg");
+    Report("LibTorch", FindTorch(), "libtorch-dev");  // only --field nerf needs it
+    for (const StageEntry& stage : StageTable()) ProgramOf(stage.name);
+    if (!has_colmap || !has_ffmpeg) {
+      const std::string missing = has_colmap ? "ffmpeg" : has_ffmpeg ? "COLMAP" : "COLMAP and ffmpeg";
+      throw io::Error(io::ExitCode::kMissingTool, missing + " cannot be used", "Install as shown above");
+    }
+    std::printf("all that is needed is here\n");
+  });
+}
+
+}  // namespace pipeline

@@ -1,0 +1,239 @@
+// `pipeline run`: chains the programs of the stages. Each stage decides itself whether it is up to date,
+// resumes or starts anew; this file chooses where the chain begins, forwards options and stops at the first
+// failure.
+#include <signal.h>
+
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "io/base/error.h"
+#include "io/base/interrupt.h"
+#include "io/base/process.h"
+#include "io/base/progress.h"
+#include "pipeline/command/commands.h"
+#include "pipeline/ingest/run_input.h"
+#include "pipeline/machine/machine.h"
+#include "pipeline/stage/common_options.h"
+#include "pipeline/stage/folder_lock.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stage/run_record.h"
+#include "pipeline/stage/stage_table.h"
+
+namespace pipeline {
+namespace {
+
+using io::Error;
+using io::ExitCode;
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+// Stages promise to stop within 2 s, and so do the programs that they started: wait for both.
+constexpr double kStageGrace_s = 6;
+
+// The stages own the defaults: an option is forwarded only when it was set, and 0 or "" here means "not set".
+struct RunOptions {
+  fs::path input, masks;
+  CommonOptions common;
+  int max_frames = 0, max_size = 0, features = 0, image_size = 0, holdout_every = 0, steps = 0;
+  int frames_out = 0;
+  double fps = 0;
+  std::uint64_t seed = 0;
+  std::string frames, time, target, field, preset;
+  bool depth = false;
+};
+
+struct Forward {
+  const char* option;
+  const char* stage;  // nullptr: every stage
+  const char* stage_option;
+};
+constexpr Forward kForwards[] = {
+    {"masks", "ingest", "masks"},
+    {"max-frames", "ingest", "max-frames"},
+    {"frames", "ingest", "frames"},
+    {"max-size", "ingest", "max-size"},
+    {"features", "sfm", "features"},
+    {"image-size", "normalize", "image-size"},
+    {"holdout-every", "normalize", "holdout-every"},
+    {"field", "train", "field"},
+    {"preset", "train", "preset"},
+    {"time", "train", "time"},
+    {"target", "train", "target"},
+    {"steps", "train", "steps"},
+    {"seed", "train", "seed"},
+    {"frames-out", "render", "frames"},
+    {"fps", "render", "fps"},
+    {"depth", "render", "depth"},
+    {"threads", nullptr, "threads"},
+    {"force", nullptr, "force"},
+};
+
+void AddRunOptions(Options* options, RunOptions* run) {
+  options->AddPositional(
+      "INPUT", &run->input, "folder of pictures, quoted glob, video, transforms.json or COLMAP model", true);
+  options->Add("out", &run->common.out, "run folder; default: <INPUT>.run", false);
+  options->Add("time", &run->time, "training budget, such as 90s, 5m or 1h (train)");
+  options->Add("target", &run->target, "train until held-out views reach this PSNR, as 30dB (train)");
+  options->Add("field", &run->field, "radiance field: hash or nerf (train)");
+  options->Add("preset", &run->preset, "report: the original NeRF as the report trained it (train)");
+  options->Add("masks", &run->masks, "folder of masks of the photos; white is used (ingest)");
+  options->Add("max-frames", &run->max_frames, "most frames taken from a video (ingest)");
+  options->Add("frames", &run->frames, "A:B, range of video frames to use (ingest)");
+  options->Add("max-size", &run->max_size, "longest side, pixels, for finding poses (ingest)");
+  options->Add("features", &run->features, "features per picture (sfm)");
+  options->Add("image-size", &run->image_size, "longest side, pixels, for training (normalize)");
+  options->Add("holdout-every", &run->holdout_every, "every n-th view is kept for measuring (normalize)");
+  options->Add("steps", &run->steps, "most training steps (train)");
+  options->Add("seed", &run->seed, "seed of all random numbers (train)");
+  options->Add("frames-out", &run->frames_out, "frames of the film (render)");
+  options->Add("fps", &run->fps, "frames per second of the film (render)");
+  options->Add("depth", &run->depth, "also render a film of depth (render)");
+  options->Add("threads", &run->common.threads, "worker threads; 0 = all cores", false);
+  options->Add("force", &run->common.force, "run every stage again", false);
+}
+
+std::vector<std::string> StageArguments(const std::string& stage,
+                                        const RunInput& input,
+                                        const fs::path& out,
+                                        const Options& options) {
+  std::vector<std::string> arguments;
+  if (stage == "ingest") arguments.push_back(input.path.string());
+  arguments.insert(arguments.end(), {"--out", out.string()});
+  if (stage == "normalize" && !input.poses.empty()) {
+    arguments.insert(arguments.end(), {"--poses", input.poses.string()});
+    if (!input.images.empty()) arguments.insert(arguments.end(), {"--images", input.images.string()});
+  }
+  for (const Forward& forward : kForwards) {
+    const bool applies = !forward.stage || stage == forward.stage;
+    if (applies && options.IsSetByUser(forward.option))
+      arguments.push_back(std::string("--") + forward.stage_option + "=" + options.ValueText(forward.option));
+  }
+  return arguments;
+}
+
+// As one would type it in a shell.
+std::string CommandText(const std::string& stage, const std::vector<std::string>& arguments) {
+  std::string text = "pipeline " + stage;
+  for (const std::string& argument : arguments) {
+    const bool plain = argument.find_first_not_of(
+                           "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                           "0123456789_-+=./:,@%") == std::string::npos;
+    text += ' ';
+    if (plain) {
+      text += argument;
+      continue;
+    }
+    text += '\'';
+    for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    text += '\'';
+  }
+  return text;
+}
+
+// Returns the stage's exit code; the stage has printed its own line when it is not 0.
+int RunStage(const std::string& stage, const fs::path& out, const std::vector<std::string>& arguments) {
+  std::vector<std::string> argv = {ProgramOf(stage).string()};
+  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  const io::ProcessReport report = io::RunProcess(argv, {.grace_s = kStageGrace_s});
+  io::ThrowIfInterrupted();
+  if (report.signal != 0) {
+    std::fprintf(stderr,
+                 "pipeline run: %s was ended by signal %d%s; the same command continues\n",
+                 stage.c_str(),
+                 report.signal,
+                 report.signal == SIGKILL ? " (out of memory?)" : "");
+    return 128 + report.signal;
+  }
+  if (report.exit_code != 0) return report.exit_code;
+  const Json record = Json::parse(ReadStageRecord(out, stage), nullptr, false);
+  if (!record.is_object() || record.value("status", "") != "done")
+    throw Error(ExitCode::kInternal, stage + " ended without its record", "Please report this as a bug");
+  return 0;
+}
+
+void PrintResults(const fs::path& out, const std::vector<std::string>& stages, double wall_s) {
+  double total_s = 0;
+  std::string times;
+  for (const std::string& stage : stages) {
+    const Json record = Json::parse(ReadStageRecord(out, stage));
+    const double stage_s = record.value("wall_s", 0.0);
+    total_s += stage_s;
+    times += (times.empty() ? "" : ", ") + stage + " " + io::FormatDuration(stage_s);
+  }
+  const fs::path film = out / "render/novel_view.mp4", page = out / "report.html";
+  for (const fs::path& product : {film, page}) {
+    if (!fs::is_regular_file(product))
+      throw Error(ExitCode::kInternal, product.string() + ": was not written", "Please report this as a bug");
+  }
+  std::printf("time    %s (%s); this command %s\nfilm    %s\nreport  %s\n",
+              io::FormatDuration(total_s).c_str(),
+              times.c_str(),
+              io::FormatDuration(wall_s).c_str(),
+              film.c_str(),
+              page.c_str());
+}
+
+int RunChain(const RunOptions& run, const RunInput& input, const Options& options) {
+  const auto start = std::chrono::steady_clock::now();
+  fs::path out = run.common.out.empty() ? DefaultRunFolder(input.path) : fs::absolute(run.common.out);
+  out = (out / "").lexically_normal().parent_path();
+  if (!run.masks.empty() && !input.poses.empty()) {
+    throw Error(ExitCode::kUsage,
+                "--masks: " + input.poses.string() + " has poses, and then the frames name their masks",
+                "Write \"mask_path\" into the frames of a transforms.json");
+  }
+  const FolderLock lock(out, "run");
+  std::fprintf(stderr, "pipeline run: %s\n", StartupLine(DescribeMachine()).c_str());
+  if (!input.poses.empty()) {
+    std::fprintf(stderr, "pipeline run: %s has poses: ingest and sfm are not needed\n", input.poses.c_str());
+    for (const char* stage : {"ingest", "sfm"}) {
+      if (!ReadStageRecord(out, stage).empty())
+        throw Error(ExitCode::kUsage, out.string() + ": holds a run of pictures", "Choose another --out");
+    }
+  }
+
+  std::vector<std::string> stages;
+  Json commands = Json::object();
+  for (const StageEntry& entry : StageTable()) {
+    const std::string stage = entry.name;
+    if (!input.poses.empty() && (stage == "ingest" || stage == "sfm")) continue;
+    stages.push_back(stage);
+    commands[stage] = CommandText(stage, StageArguments(stage, input, out, options));
+  }
+  const Json members = {{"input", input.path.string()},
+                        {"options", Json::parse(options.ResolvedJson())},
+                        {"commands", commands}};
+  RecordRun(out, members.dump(-1, ' ', false, Json::error_handler_t::replace));
+
+  for (const std::string& stage : stages) {
+    const int exit_code = RunStage(stage, out, StageArguments(stage, input, out, options));
+    if (exit_code != 0) return exit_code;
+  }
+  PrintResults(out, stages, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  return 0;
+}
+
+}  // namespace
+
+int RunRun(int argc, const char* const* argv) {
+  int stage_exit_code = 0;
+  const int exit_code = GuardedMain("pipeline run", [&] {
+    RunOptions run;
+    Options options(
+        "pipeline run",
+        "From pictures, a video or known poses to a film and a report. What is still valid is kept,\n"
+        "what was interrupted is resumed. Options that are not given keep the stage's default; the\n"
+        "stage is named in brackets: see `pipeline <stage> --help`.");
+    AddRunOptions(&options, &run);
+    if (!options.Parse(argc, argv)) return;
+    if (!run.masks.empty()) run.masks = fs::absolute(run.masks);       // commands are repeated from anywhere
+    if (options.IsSetByUser("time")) ParseDuration("time", run.time);  // now, not after half an hour
+    if (options.IsSetByUser("target")) ParseDecibels("target", run.target);
+    stage_exit_code = RunChain(run, ExamineInput(run.input), options);
+  });
+  return exit_code != 0 ? exit_code : stage_exit_code;
+}
+
+}  // namespace pipeline

@@ -1,0 +1,244 @@
+// The photo half of the ingest stage.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <tuple>
+
+#include "io/base/error.h"
+#include "io/base/hash.h"
+#include "io/base/interrupt.h"
+#include "io/base/parallel.h"
+#include "io/base/progress.h"
+#include "io/image/photo.h"
+#include "pipeline/ingest/ingest.h"
+#include "pipeline/ingest/photo_masks.h"
+
+namespace pipeline {
+namespace {
+
+using io::Error;
+using io::ExitCode;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMinPictures = 3;  // two views fix no scene and leave none to check with
+constexpr std::size_t kAdvisedPictures = 20;
+constexpr std::size_t kMaxListed = 20;  // longer lists are in frames.json
+
+// Make, model, width, height, focal length in whole pixels.
+using CameraKey = std::tuple<std::string, std::string, int, int, long>;
+
+struct PhotoResult {
+  std::string reason;   // why it is dropped; empty: decoded and written
+  bool is_bad = false;  // dropped because it cannot be decoded
+  KeptPicture picture;
+  PictureLook look;
+  std::string make, model;
+};
+
+// Decodes and writes one photo and its mask. A file that cannot be decoded is a result, not a failure; a mask
+// that cannot is one, for without it the photo would be used whole.
+void IngestPhoto(const fs::path& file,
+                 const fs::path& mask_file,
+                 int max_side,
+                 const fs::path& folder,
+                 PhotoResult* result) {
+  const std::string bytes = ReadPictureFile(file);
+  io::Photo photo;
+  try {
+    photo = io::DecodePhoto(bytes, max_side);
+  } catch (const Error& error) {
+    result->reason = error.what();
+    result->is_bad = true;
+    return;
+  }
+  if (!mask_file.empty()) {
+    const io::Mask mask = ReadPhotoMask(mask_file, photo);
+    const std::size_t n_used = mask.UsedCount();
+    if (n_used == 0) {
+      result->reason = "its mask uses no pixel: white, grey level 128 or more, is used";
+      return;
+    }
+    result->picture.used_share = static_cast<double>(n_used) / static_cast<double>(mask.used.size());
+    io::WriteMask(folder / "masks" / result->picture.name, mask);
+  }
+  result->look = {io::Sharpness(photo.image), io::MakeThumbnail(photo.image)};
+  result->picture.width = photo.image.width;
+  result->picture.height = photo.image.height;
+  result->picture.sharpness = result->look.sharpness;
+  result->picture.focal_px = photo.focal_px;
+  result->picture.notes = photo.notes;
+  result->make = photo.make;
+  result->model = photo.model;
+  io::WriteImage(folder / "images" / result->picture.name, photo.image);
+}
+
+// The later ones of files with equal bytes get a reason.
+void FindCopies(const std::vector<fs::path>& files, std::vector<PhotoResult>* results) {
+  std::map<std::string, std::string> first_with;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    io::ThrowIfInterrupted();
+    PhotoResult& result = (*results)[i];
+    const auto [it, is_new] = first_with.emplace(io::HashFile(files[i]), result.picture.source);
+    if (!is_new) result.reason = "exact copy of " + it->second;
+  }
+}
+
+// Throws when more files are damaged than whole: then the folder as a whole is not what the user thinks.
+void RefuseMostlyBad(const IngestReport& report, std::size_t n_whole, const std::string& folder) {
+  const auto is_bad = [](const DroppedPicture& picture) { return picture.is_bad; };
+  const auto n_bad =
+      static_cast<std::size_t>(std::count_if(report.dropped.begin(), report.dropped.end(), is_bad));
+  if (n_bad <= n_whole) return;
+  const DroppedPicture& first = *std::find_if(report.dropped.begin(), report.dropped.end(), is_bad);
+  throw Error(ExitCode::kBadInput,
+              folder + ": " + std::to_string(n_bad) + " of " + std::to_string(n_bad + n_whole) +
+                  " pictures cannot be used, the first being " + first.source + ": " + first.reason,
+              "Copy them again from the camera");
+}
+
+void RefuseTooFew(const IngestReport& report, const std::string& folder) {
+  if (report.kept.size() >= kMinPictures) return;
+  std::string why;
+  if (!report.dropped.empty()) {
+    why = " (" + std::to_string(report.dropped.size()) + " dropped, the first being " +
+          report.dropped[0].source + ": " + report.dropped[0].reason + ")";
+  }
+  throw Error(ExitCode::kNotReconstructible,
+              folder + ": " + std::to_string(report.kept.size()) + " usable picture" +
+                  (report.kept.size() == 1 ? "" : "s") + why + "; a scene needs at least 3",
+              "Take 20 or more from positions around the object, each overlapping the last by half");
+}
+
+// Pictures of one camera at one setting share a group, so that they can share intrinsics.
+int CameraGroup(const PhotoResult& result, std::map<CameraKey, int>* groups) {
+  const KeptPicture& picture = result.picture;
+  const long focal = std::lround(picture.focal_px.value_or(0));
+  const CameraKey key(result.make, result.model, picture.width, picture.height, focal);
+  return groups->emplace(key, static_cast<int>(groups->size())).first->second;
+}
+
+// Moves every result into the report, as kept or as dropped with its reason.
+void Select(std::vector<PhotoResult>* results,
+            const SelectionOptions& options,
+            const fs::path& folder,
+            IngestReport* report) {
+  std::vector<PhotoResult*> decoded;
+  std::vector<PictureLook> looks;
+  std::vector<std::string> names;
+  for (PhotoResult& result : *results) {
+    if (!result.reason.empty()) continue;
+    decoded.push_back(&result);
+    looks.push_back(result.look);
+    names.push_back(result.picture.source);
+  }
+  const std::vector<std::string> reasons = JudgePhotos(looks, names, options);
+  for (std::size_t k = 0; k < decoded.size(); ++k) {
+    decoded[k]->reason = reasons[k];
+    if (reasons[k].empty()) continue;
+    fs::remove(folder / "images" / decoded[k]->picture.name);
+    fs::remove(folder / "masks" / decoded[k]->picture.name);
+  }
+  std::map<CameraKey, int> groups;
+  for (PhotoResult& result : *results) {
+    if (result.reason.empty()) {
+      result.picture.camera_group = CameraGroup(result, &groups);
+      report->kept.push_back(std::move(result.picture));
+    } else if (!result.is_bad) {
+      report->dropped.push_back({result.picture.source, result.reason});
+    }
+  }
+  if (groups.size() > 1) {
+    report->decisions.push_back(std::to_string(groups.size()) +
+                                " camera groups: the pictures differ in camera, size or focal length");
+  }
+}
+
+std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
+                                   const IngestOptions& options,
+                                   const fs::path& folder) {
+  const std::vector<std::string> stems = SafeStems(files);
+  std::vector<PhotoResult> results(files.size());
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    results[i].picture.name = stems[i] + ".png";
+    results[i].picture.source = PrintableName(files[i].filename().string());
+  }
+  FindCopies(files, &results);
+
+  io::Progress progress("reading photos");
+  std::mutex progress_mutex;
+  int n_done = 0;
+  io::Workers workers(options.threads);
+  workers.Run(static_cast<int>(files.size()), [&](int i, int) {
+    io::ThrowIfInterrupted();
+    const auto index = static_cast<std::size_t>(i);
+    PhotoResult& result = results[index];
+    const fs::path mask = options.masks.empty() ? fs::path() : options.masks[index];
+    if (result.reason.empty()) IngestPhoto(files[index], mask, options.max_side, folder, &result);
+    const std::lock_guard lock(progress_mutex);
+    progress.Update(++n_done / static_cast<double>(files.size()), result.picture.source);
+  });
+  return results;
+}
+
+void DescribeMasks(IngestReport* report) {
+  std::size_t n_masks = 0;
+  double shares = 0;
+  for (const KeptPicture& picture : report->kept) {
+    n_masks += picture.used_share.has_value();
+    shares += picture.used_share.value_or(0);
+  }
+  const long percent = n_masks > 0 ? std::lround(100 * shares / static_cast<double>(n_masks)) : 0;
+  const bool is_complete = n_masks == report->kept.size();
+  report->decisions.push_back("masks for " + std::to_string(n_masks) + " of " +
+                              std::to_string(report->kept.size()) + " pictures, which use " +
+                              std::to_string(percent) + " % of their pixels" +
+                              (is_complete ? "" : "; the other pictures are used whole"));
+}
+
+void DescribeResult(IngestReport* report) {
+  std::map<std::string, int> notes;
+  for (const KeptPicture& picture : report->kept) {
+    for (const std::string& note : picture.notes) ++notes[note];
+  }
+  const std::size_t n_kept = report->kept.size();
+  for (const auto& [note, n] : notes) {
+    report->decisions.push_back(note + " (" + std::to_string(n) + " of " + std::to_string(n_kept) +
+                                " pictures)");
+  }
+  for (std::size_t i = 0; i < std::min(kMaxListed, report->dropped.size()); ++i) {
+    report->decisions.push_back("dropped " + report->dropped[i].source + ": " + report->dropped[i].reason);
+  }
+  if (report->dropped.size() > kMaxListed) {
+    report->decisions.push_back("dropped " + std::to_string(report->dropped.size() - kMaxListed) +
+                                " more: see frames.json");
+  }
+  if (n_kept < kAdvisedPictures) {
+    report->decisions.push_back("only " + std::to_string(n_kept) + " pictures: 20 or more are advised");
+  }
+}
+
+}  // namespace
+
+IngestReport IngestPhotos(const PictureSource& source, const IngestOptions& options, const fs::path& folder) {
+  const std::vector<fs::path>& files = source.files;
+  const fs::path parent = files[0].has_parent_path() ? files[0].parent_path() : ".";
+  const std::string name = PrintableName(parent.string());
+  std::vector<PhotoResult> results = DecodeAll(files, options, folder);
+
+  IngestReport report;
+  report.dropped = source.dropped;
+  std::size_t n_whole = 0;
+  for (const PhotoResult& result : results) {
+    n_whole += !result.is_bad;
+    if (result.is_bad) report.dropped.push_back({result.picture.source, result.reason, true});
+  }
+  RefuseMostlyBad(report, n_whole, name);
+  Select(&results, options.selection, folder, &report);
+  RefuseTooFew(report, name);
+  if (!options.masks.empty()) DescribeMasks(&report);
+  DescribeResult(&report);
+  return report;
+}
+
+}  // namespace pipeline

@@ -1,0 +1,163 @@
+// The video half of the ingest stage: one pass over small frames to choose, one over the chosen at full size.
+#include <algorithm>
+#include <cstdio>
+
+#include "io/base/error.h"
+#include "io/base/interrupt.h"
+#include "io/base/progress.h"
+#include "io/image/image.h"
+#include "io/image/picture_measure.h"
+#include "io/video/camera_motion.h"
+#include "io/video/video_reader.h"
+#include "pipeline/ingest/ingest.h"
+
+namespace pipeline {
+namespace {
+
+using io::Error;
+using io::ExitCode;
+namespace fs = std::filesystem;
+
+constexpr int kMeasureSide = 640;  // [px] what io::Sharpness looks at
+constexpr double kDark = 8;        // [grey levels] mean of a frame without light
+constexpr double kMinPath = 0.02;  // [picture widths] less is tremor
+constexpr double kCompleteShare =
+    0.98;                              // of the frames that the container promises, which may be an estimate
+constexpr std::size_t kMinFrames = 3;  // two views fix no scene and leave none to check with
+
+struct VideoMeasure {
+  std::vector<double> path, sharpness, time_s;  // per frame from options.first_frame on
+  double brightest = 0;                         // mean grey level of the brightest frame
+  int n_decoded = 0;                            // frames before and in the range
+  bool reached_end = false;
+};
+
+VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
+  VideoMeasure measure;
+  io::CameraMotion motion;
+  io::VideoFrame frame;
+  const int last = options.last_frame < 0 ? reader->info().container_frames : options.last_frame + 1;
+  io::Progress progress("measuring frames");
+  while (options.last_frame < 0 || measure.n_decoded <= options.last_frame) {
+    io::ThrowIfInterrupted();
+    const bool in_range = measure.n_decoded >= options.first_frame;
+    if (!(in_range ? reader->Read(kMeasureSide, &frame) : reader->Skip())) {
+      measure.reached_end = true;
+      break;
+    }
+    ++measure.n_decoded;
+    progress.Update(std::min(0.999, measure.n_decoded / std::max(1.0, static_cast<double>(last))),
+                    "frame " + std::to_string(measure.n_decoded));
+    if (!in_range) continue;
+    measure.path.push_back(motion.Advance(frame.image));
+    measure.sharpness.push_back(io::Sharpness(frame.image));
+    measure.time_s.push_back(frame.time_s);
+    measure.brightest = std::max(measure.brightest, io::Brightness(io::MakeThumbnail(frame.image)));
+  }
+  return measure;
+}
+
+void RefuseUnusable(const VideoMeasure& measure, const IngestOptions& options, const std::string& name) {
+  if (measure.path.empty()) {
+    throw Error(ExitCode::kBadInput,
+                name + ": " + std::to_string(measure.n_decoded) + " frames can be decoded, none from frame " +
+                    std::to_string(options.first_frame) + " on",
+                "Check that the video plays, and --frames");
+  }
+  if (measure.brightest < kDark) {
+    throw Error(
+        ExitCode::kNotReconstructible, name + ": no light, all frames are black", "Film with more light");
+  }
+  if (measure.path.back() < kMinPath) {
+    throw Error(ExitCode::kNotReconstructible,
+                name + ": no motion, all frames show the same",
+                "Walk around the object while filming");
+  }
+}
+
+// Decodes again and writes the frames whose verdict is "kept".
+void WriteFrames(const fs::path& video,
+                 const IngestOptions& options,
+                 const std::vector<FrameVerdict>& verdicts,
+                 const VideoMeasure& measure,
+                 const fs::path& folder,
+                 IngestReport* report) {
+  io::VideoReader reader(video);
+  io::VideoFrame frame;
+  io::Progress progress("writing frames");
+  const int n_frames = options.first_frame + static_cast<int>(verdicts.size());
+  for (int index = 0; index < n_frames; ++index) {
+    io::ThrowIfInterrupted();
+    progress.Update((index + 1.0) / n_frames);
+    const auto i = static_cast<std::size_t>(std::max(0, index - options.first_frame));
+    const bool kept = index >= options.first_frame && verdicts[i].kept;
+    if (!(kept ? reader.Read(options.max_side, &frame) : reader.Skip())) {
+      throw Error(ExitCode::kBadInput,
+                  PrintableName(video.string()) + ": frame " + std::to_string(index) +
+                      " could be decoded before and cannot now",
+                  "Run again when the file no longer changes");
+    }
+    const std::string source = "frame " + std::to_string(index);
+    if (index >= options.first_frame && !kept) report->dropped.push_back({source, verdicts[i].reason});
+    if (!kept) continue;
+    char name[32];
+    std::snprintf(name, sizeof name, "frame_%06d.png", index);
+    io::WriteImage(folder / "images" / name, frame.image);
+    KeptPicture picture;
+    picture.name = name;
+    picture.source = source;
+    picture.width = frame.image.width;
+    picture.height = frame.image.height;
+    picture.sharpness = measure.sharpness[i];
+    picture.time_s = measure.time_s[i];
+    report->kept.push_back(picture);
+  }
+}
+
+std::string Line(const char* format, double a, double b, double c) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, a, b, c);
+  return text;
+}
+
+}  // namespace
+
+IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, const fs::path& folder) {
+  std::string name = PrintableName(video.string());
+  io::VideoReader reader(video);
+  const VideoMeasure measure = Measure(&reader, options);
+
+  IngestReport report;
+  report.decisions = reader.info().notes;
+  const int promised = reader.info().container_frames;
+  if (measure.reached_end && measure.n_decoded < kCompleteShare * promised) {
+    const std::string incomplete = "incomplete file: " + std::to_string(measure.n_decoded) + " of " +
+                                   std::to_string(promised) + " frames could be decoded";
+    report.decisions.push_back(incomplete);
+    name += " (" + incomplete + ")";
+  }
+  RefuseUnusable(measure, options, name);
+  const std::vector<FrameVerdict> verdicts =
+      JudgeFrames(measure.path, measure.sharpness, options.first_frame, options.selection);
+  WriteFrames(video, options, verdicts, measure, folder, &report);
+  const auto n_kept = static_cast<double>(report.kept.size());
+  report.decisions.push_back(Line(
+      "%.0f of %.0f frames kept: the picture moved by %.1f of its widths, and the sharpest frame of each "
+      "equal step stays",
+      n_kept,
+      static_cast<double>(verdicts.size()),
+      measure.path.back()));
+  for (const DroppedPicture& picture : report.dropped) {
+    if (picture.reason.rfind("blurred", 0) == 0) {
+      report.decisions.push_back("dropped " + picture.source + ": " + picture.reason);
+    }
+  }
+  if (report.kept.size() < kMinFrames) {
+    throw Error(ExitCode::kNotReconstructible,
+                name + ": almost no motion, " + std::to_string(report.kept.size()) + " different views in it",
+                "Walk around the object while filming");
+  }
+  return report;
+}
+
+}  // namespace pipeline

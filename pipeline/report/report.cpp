@@ -1,0 +1,78 @@
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/hash.h"
+#include "pipeline/report/report.h"
+#include "pipeline/report/report_page.h"
+#include "pipeline/stage/common_options.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stage/run_record.h"
+#include "pipeline/stage/stage_run.h"
+#include "pipeline/stage/stage_table.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+// Files that the page shows, as far as they exist.
+std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
+  std::vector<fs::path> inputs;
+  const auto add = [&](const fs::path& path) {
+    if (fs::exists(run_folder / path)) inputs.push_back(run_folder / path);
+  };
+  for (const StageEntry& entry : StageTable()) {
+    if (std::string(entry.name) != "report")
+      add(fs::path(entry.folder) / (std::string(entry.folder) + ".json"));
+  }
+  for (const char* path : {"ingest/frames.json",
+                           "scene/transforms_train.json",
+                           "scene/transforms_test.json",
+                           "scene/points.ply",
+                           "train/curve.csv",
+                           "evaluate/metrics.json",
+                           "evaluate/compare",
+                           "render/novel_view.mp4",
+                           "render/depth.mp4"}) {
+    add(path);
+  }
+  return inputs;
+}
+
+// report.html lies outside the stage's folder; its record says which page belongs to it.
+bool PageIsIntact(const fs::path& run_folder, const fs::path& page) {
+  const Json record = Json::parse(ReadStageRecord(run_folder, "report"), nullptr, false);
+  return record.is_object() && fs::is_regular_file(page) &&
+         record.value("page_hash", "") == io::HashFile(page);
+}
+
+void Report(CommonOptions common, const Options& bound) {
+  const fs::path page_path = common.out / "report.html";
+  if (!PageIsIntact(common.out, page_path)) common.force = true;
+  StageRun stage("report", common, bound, ReportInputs(common.out));
+  if (stage.IsUpToDate()) return;
+  const std::string page = ReportPage(GatherReport(stage.run_folder()));
+  io::WriteFileAtomically(page_path, page);
+  stage.Set("page_hash", io::HashBytes(page));
+  stage.Set("page_bytes", static_cast<double>(page.size()));
+  std::printf("report: %s\n", fs::absolute(page_path).lexically_normal().c_str());
+  stage.Finish();
+}
+
+}  // namespace
+
+int RunReport(int argc, const char* const* argv) {
+  return GuardedMain("pipeline report", [&] {
+    CommonOptions common;
+    Options bound(
+        "pipeline report",
+        "Writes report.html: film, unseen views, cameras and points, training curve, times, decisions.");
+    AddCommonOptions(&bound, &common);
+    if (bound.Parse(argc, argv)) Report(common, bound);
+  });
+}
+
+}  // namespace pipeline

@@ -1,0 +1,266 @@
+#include "pipeline/report/report_data.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "pipeline/stage/run_record.h"
+#include "pipeline/stage/stage_table.h"
+
+namespace pipeline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+// An empty object when the text is absent or not an object: the report leaves out what it cannot read.
+Json ParseObject(const std::string& text) {
+  const Json json = Json::parse(text, nullptr, false);
+  return json.is_object() ? json : Json::object();
+}
+
+Json ReadObject(const fs::path& path) {
+  return fs::is_regular_file(path) ? ParseObject(io::ReadFile(path)) : Json::object();
+}
+
+double NumberAt(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_number() ? it->get<double>() : 0;
+}
+
+std::string TextAt(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+// The members of an array that are objects.
+std::vector<Json> ObjectsAt(const Json& json, const char* key) {
+  std::vector<Json> objects;
+  const auto it = json.find(key);
+  if (it == json.end() || !it->is_array()) return objects;
+  std::copy_if(
+      it->begin(), it->end(), std::back_inserter(objects), [](const Json& j) { return j.is_object(); });
+  return objects;
+}
+
+std::string ShellWord(const std::string& word) {
+  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) || std::string("_-+=./:,@%").find(static_cast<char>(c)) != std::string::npos;
+  });
+  if (plain) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+// The command that the resolved options of a record amount to: input, --out, and what the user set.
+std::string CommandFromOptions(const std::string& command, const std::string& input, const Json& options) {
+  std::string text = "pipeline " + command;
+  if (!input.empty()) text += " " + ShellWord(input);
+  for (const auto& [name, option] : options.items()) {
+    if (name == "INPUT" || !option.is_object() || !option.contains("value")) continue;
+    const std::string origin = TextAt(option, "origin");
+    if (origin != "flag" && origin != "file") continue;
+    const Json& value = option["value"];
+    text +=
+        " " + ShellWord("--" + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
+  }
+  return text;
+}
+
+std::string InputOf(const Json& options) {
+  const auto it = options.find("INPUT");
+  return it != options.end() && it->is_object() ? TextAt(*it, "value") : "";
+}
+
+void GatherStages(const fs::path& run_folder, const Json& run, ReportData* data) {
+  const Json commands = run.contains("commands") ? run["commands"] : Json::object();
+  for (const StageEntry& entry : StageTable()) {
+    if (std::string(entry.name) == "report") continue;
+    StageSummary stage;
+    stage.name = entry.name;
+    stage.help = entry.help;
+    const Json record = ParseObject(ReadStageRecord(run_folder, entry.name));
+    stage.done = TextAt(record, "status") == "done";
+    stage.wall_s = NumberAt(record, "wall_s");
+    stage.cpu_s = NumberAt(record, "cpu_s");
+    stage.peak_rss_bytes = NumberAt(record, "peak_rss_bytes");
+    if (record.contains("decisions") && record["decisions"].is_array()) {
+      for (const Json& line : record["decisions"]) {
+        if (line.is_string()) stage.decisions.push_back(line.get<std::string>());
+      }
+    }
+    const Json options = record.contains("options") ? record["options"] : Json::object();
+    stage.command = commands.is_object() ? TextAt(commands, entry.name) : "";
+    if (stage.done && stage.command.empty()) {
+      stage.command = CommandFromOptions(entry.name, InputOf(options), options);
+    }
+    if (data->input.empty()) data->input = InputOf(options);
+    data->total_wall_s += stage.wall_s;
+    data->stages.push_back(stage);
+  }
+}
+
+void GatherPictures(const fs::path& run_folder, ReportData* data) {
+  const Json frames = ReadObject(run_folder / "ingest" / "frames.json");
+  data->has_ingest = !frames.empty();
+  for (const Json& kept : ObjectsAt(frames, "kept")) {
+    std::string notes;
+    if (kept.contains("notes") && kept["notes"].is_array()) {
+      for (const Json& note : kept["notes"]) {
+        if (note.is_string()) notes += (notes.empty() ? "" : "; ") + note.get<std::string>();
+      }
+    }
+    data->kept_pictures.push_back({TextAt(kept, "name"), notes});
+  }
+  for (const Json& dropped : ObjectsAt(frames, "dropped")) {
+    data->dropped_pictures.push_back({TextAt(dropped, "source"), TextAt(dropped, "reason")});
+  }
+  data->kept = static_cast<int>(data->kept_pictures.size());
+  data->dropped = static_cast<int>(data->dropped_pictures.size());
+
+  const Json scene = ParseObject(ReadStageRecord(run_folder, "normalize"));
+  data->masks = static_cast<int>(NumberAt(scene, "masks"));
+  data->used_share = NumberAt(scene, "used_share");
+
+  const Json sfm = ParseObject(ReadStageRecord(run_folder, "sfm"));
+  data->has_sfm = sfm.contains("registered");
+  data->images = static_cast<int>(NumberAt(sfm, "images"));
+  data->registered = static_cast<int>(NumberAt(sfm, "registered"));
+  data->points = static_cast<int>(NumberAt(sfm, "points"));
+  data->reprojection_error_px = NumberAt(sfm, "mean_reprojection_error_px");
+  for (const Json& picture : ObjectsAt(sfm, "unregistered")) {
+    data->unregistered.push_back({TextAt(picture, "name"), TextAt(picture, "cause")});
+  }
+  std::vector<Json> poses = ObjectsAt(sfm, "poses");
+  std::stable_sort(poses.begin(), poses.end(), [](const Json& a, const Json& b) {
+    return NumberAt(a, "rotation_sigma_deg") > NumberAt(b, "rotation_sigma_deg");
+  });
+  for (const Json& pose : poses) {
+    char text[100];
+    std::snprintf(text,
+                  sizeof text,
+                  "rotation +- %.4f degrees, centre +- %.3f %% of the cameras' extent",
+                  NumberAt(pose, "rotation_sigma_deg"),
+                  100 * NumberAt(pose, "centre_sigma_share"));
+    data->pose_uncertainties.push_back({TextAt(pose, "name"), text});
+  }
+}
+
+// Reads the columns by the names of the header line.
+void GatherScores(const fs::path& run_folder, ReportData* data) {
+  const Json metrics = ReadObject(run_folder / "evaluate" / "metrics.json");
+  data->has_scores = metrics.contains("psnr");
+  data->protocol = TextAt(metrics, "protocol");
+  data->psnr_db = NumberAt(metrics, "psnr");
+  data->ssim = NumberAt(metrics, "ssim");
+  data->flip = NumberAt(metrics, "flip");
+  for (const Json& view : ObjectsAt(metrics, "images")) {
+    data->views.push_back(
+        {TextAt(view, "name"), NumberAt(view, "psnr"), NumberAt(view, "ssim"), NumberAt(view, "flip"), ""});
+  }
+  std::stable_sort(data->views.begin(), data->views.end(), [](const ViewFigures& a, const ViewFigures& b) {
+    return a.psnr_db < b.psnr_db;
+  });
+  std::vector<fs::path> strips;
+  const fs::path folder = run_folder / "evaluate" / "compare";
+  if (fs::is_directory(folder)) {
+    for (const auto& entry : fs::directory_iterator(folder)) strips.push_back(entry.path());
+  }
+  std::sort(strips.begin(), strips.end());
+  for (const fs::path& strip : strips) {
+    const std::string stem = strip.stem().string(),
+                      name = stem.substr(std::min(stem.size(), stem.find('_') + 1));
+    for (ViewFigures& view : data->views) {
+      if (fs::path(view.name).stem() == name) view.strip = strip;
+    }
+  }
+}
+
+}  // namespace
+
+TrainingCurve ReadTrainingCurve(const fs::path& csv) {
+  TrainingCurve curve;
+  if (!fs::is_regular_file(csv)) return curve;
+  const std::pair<const char*, std::vector<double>*> columns[] = {{"step", &curve.step},
+                                                                  {"wall_s", &curve.wall_s},
+                                                                  {"cpu_s", &curve.cpu_s},
+                                                                  {"loss", &curve.loss},
+                                                                  {"train_psnr", &curve.train_psnr},
+                                                                  {"heldout_psnr", &curve.heldout_psnr}};
+  const auto cells = [](const std::string& line) {
+    std::vector<std::string> result;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, ',');) result.push_back(cell);
+    return result;
+  };
+  std::istringstream in(io::ReadFile(csv));
+  std::string line;
+  std::getline(in, line);
+  const std::vector<std::string> header = cells(line);
+  while (std::getline(in, line)) {
+    const std::vector<std::string> row = cells(line);
+    for (const auto& [name, column] : columns) {
+      const std::size_t i = std::find(header.begin(), header.end(), name) - header.begin();
+      double value = std::numeric_limits<double>::quiet_NaN();
+      if (i < row.size()) std::from_chars(row[i].data(), row[i].data() + row[i].size(), value);
+      column->push_back(value);
+    }
+  }
+  return curve;
+}
+
+ReportData GatherReport(const fs::path& run_folder) {
+  ReportData data;
+  const Json run = ReadObject(run_folder / "run.json");
+  data.input = TextAt(run, "input");
+  if (!data.input.empty()) {
+    data.run_command =
+        CommandFromOptions("run", data.input, run.contains("options") ? run["options"] : Json::object());
+  }
+  if (run.contains("host")) {
+    const Json& host = run["host"];
+    data.host =
+        TextAt(host, "name") + ", " + std::to_string(static_cast<int>(NumberAt(host, "cores"))) + " cores";
+  }
+  if (run.contains("versions") && run["versions"].is_object()) {
+    for (const auto& [name, version] : run["versions"].items()) {
+      if (version.is_string())
+        data.versions += (data.versions.empty() ? "" : ", ") + name + " " + version.get<std::string>();
+    }
+  }
+  GatherStages(run_folder, run, &data);
+  fs::path named = data.input.empty() ? run_folder : fs::path(data.input);
+  if (!named.has_filename()) named = named.parent_path();  // "photos/" is named photos
+  data.name = named.filename().string();
+  if (std::none_of(data.stages.begin(), data.stages.end(), [](const StageSummary& s) { return s.done; })) {
+    throw io::Error(io::ExitCode::kBadInput,
+                    run_folder.string() + ": holds no finished stage",
+                    "Run `pipeline run INPUT --out " + run_folder.string() + "` first");
+  }
+  GatherPictures(run_folder, &data);
+  const Json train = ParseObject(ReadStageRecord(run_folder, "train"));
+  data.field = TextAt(train, "field");
+  data.train_s = NumberAt(train, "train_s");
+  data.train_steps = NumberAt(train, "steps");
+  data.train_parameters = NumberAt(train, "parameters");
+  data.curve = ReadTrainingCurve(run_folder / "train" / "curve.csv");
+  GatherScores(run_folder, &data);
+
+  const Json render = ParseObject(ReadStageRecord(run_folder, "render"));
+  data.film_frames = static_cast<int>(NumberAt(render, "frames"));
+  data.film_ms_per_frame = NumberAt(render, "ms_per_frame");
+  const fs::path film = run_folder / "render" / "novel_view.mp4", depth = run_folder / "render" / "depth.mp4";
+  if (fs::is_regular_file(film)) data.film = film;
+  if (fs::is_regular_file(depth)) data.depth_film = depth;
+  data.scene_json = ScenePlotJson(run_folder);
+  return data;
+}
+
+}  // namespace pipeline

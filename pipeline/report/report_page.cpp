@@ -1,0 +1,268 @@
+#include "pipeline/report/report_page.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "io/base/atomic_file.h"
+#include "io/base/format.h"
+#include "io/base/progress.h"
+#include "io/image/image.h"
+#include "pipeline/report/plot_svg.h"
+#include "pipeline/stages/evaluation.h"
+
+namespace pipeline {
+namespace {
+
+using io::Format;
+
+// Three stand beside one another on a wide screen; more pixels only make the file larger.
+constexpr int kMaxPictureWidth = 480;
+constexpr std::size_t kOpenStrips = 4;  // the others are folded away
+constexpr std::size_t kPlainRows = 12;  // longer lists are folded away
+
+std::string Base64(const std::string& bytes) {
+  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve(bytes.size() / 3 * 4 + 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t bits = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      bits = bits << 8 | (i + k < bytes.size() ? static_cast<std::uint8_t>(bytes[i + k]) : 0);
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+      text += i + k <= bytes.size() ? kDigits[bits >> (18 - 6 * k) & 63] : '=';
+    }
+  }
+  return text;
+}
+
+std::string Soft(const std::string& text) { return "<p class=\"soft\">" + EscapeHtml(text) + "</p>\n"; }
+
+std::string Megabytes(double bytes) { return Format("%.0f MB", bytes / 1e6); }
+
+std::string Card(const std::string& figure, const std::string& label) {
+  return "<div class=\"card\"><b>" + EscapeHtml(figure) + "</b><span class=\"label\">" + EscapeHtml(label) +
+         "</span></div>\n";
+}
+
+std::string Headlines(const ReportData& data) {
+  std::string html = "<div class=\"cards\">\n";
+  if (data.has_ingest) {
+    html += Card(Format("%d", data.kept), Format("pictures kept, %d dropped", data.dropped));
+  }
+  if (data.has_sfm) html += Card(Format("%d of %d", data.registered, data.images), "pictures registered");
+  if (data.has_scores) {
+    html += Card(Format("%.2f dB", data.psnr_db), "PSNR on unseen views, " + data.protocol);
+    html += Card(Format("%.3f", data.ssim), "SSIM, 1 is perfect");
+    html += Card(Format("%.3f", data.flip), "FLIP, 0 is perfect");
+  }
+  if (data.train_s > 0) html += Card(io::FormatDuration(data.train_s), "training");
+  html += Card(io::FormatDuration(data.total_wall_s), "in all");
+  return html + "</div>\n";
+}
+
+std::string VideoElement(const std::filesystem::path& mp4, const char* more) {
+  return std::string("<video controls muted loop playsinline ") + more + " src=\"data:video/mp4;base64," +
+         Base64(io::ReadFile(mp4)) + "\"></video>\n";
+}
+
+std::string FilmSection(const ReportData& data) {
+  std::string html = "<h2>Film</h2>\n";
+  if (data.film.empty()) return html + Soft("No film: the stage render has not finished.");
+  html += VideoElement(data.film, "autoplay");
+  if (data.film_ms_per_frame > 0) {
+    html += Soft(Format("%d frames, %.0f ms each.", data.film_frames, data.film_ms_per_frame));
+  }
+  if (!data.depth_film.empty()) {
+    html += "<h3>Depth</h3>\n" + VideoElement(data.depth_film, "") + Soft("Near is blue, far is red.");
+  }
+  return html;
+}
+
+// One picture of a strip as a JPEG inside the page.
+std::string StripPicture(const io::Image& strip, int left, int width, const std::string& what) {
+  io::Image picture = io::MakeImage(width, strip.height, 3);
+  for (int y = 0; y < strip.height; ++y) std::copy_n(strip.Pixel(left, y), 3 * width, picture.Pixel(0, y));
+  const int shown = std::min(width, kMaxPictureWidth);
+  const int height = std::max(1, static_cast<int>(static_cast<double>(strip.height) * shown / width + 0.5));
+  const std::vector<std::uint8_t> jpeg = io::EncodeImage(io::ResizeArea(picture, shown, height), ".jpg");
+  return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
+         Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
+}
+
+std::string StripFigure(const ViewFigures& view, std::size_t rank) {
+  const io::Image strip = io::ReadImage(view.strip);
+  const int width = (strip.width - 2 * kStripGap) / 3;
+  std::string html = "<figure><div class=\"columns\">";
+  int left = 0;
+  for (const char* what : {"truth", "render", "error"}) {
+    html += StripPicture(strip, left, width, what);
+    left += width + kStripGap;
+  }
+  return html + "</div><figcaption><span>" + Format("%zu. ", rank) + EscapeHtml(view.name) +
+         "</span><span><b>" + Format("%.2f dB", view.psnr_db) + "</b> " +
+         Format("SSIM %.3f, FLIP %.3f", view.ssim, view.flip) + "</span></figcaption></figure>\n";
+}
+
+std::string ViewsSection(const ReportData& data) {
+  std::string html = "<h2>Unseen views, worst first</h2>\n";
+  if (!data.has_scores) return html + Soft("No scores: the stage evaluate has not finished.");
+  html +=
+      Soft(Format("%zu pictures were held out of training. Error is FLIP, what an eye sees when it switches "
+                  "between truth and render: black is none, yellow is most.",
+                  data.views.size()));
+  std::string open, folded, rows;
+  std::size_t rank = 0, n_folded = 0;
+  for (const ViewFigures& view : data.views) {
+    ++rank;
+    rows += "<tr><td class=\"name\">" + EscapeHtml(view.name) + "</td>" +
+            Format("<td class=\"n\">%.2f</td><td class=\"n\">%.4f</td><td class=\"n\">%.4f</td></tr>\n",
+                   view.psnr_db,
+                   view.ssim,
+                   view.flip);
+    if (view.strip.empty()) continue;
+    (rank <= kOpenStrips ? open : folded) += StripFigure(view, rank);
+    n_folded += rank > kOpenStrips;
+  }
+  if (!open.empty()) {
+    html +=
+        "<div class=\"columns soft\"><span>truth</span><span>render</span><span>error</span></div>\n" + open;
+  }
+  if (n_folded > 0)
+    html += Format("<details><summary>%zu more</summary>\n", n_folded) + folded + "</details>\n";
+  return html +
+         "<details><summary>All figures</summary><div class=\"scroll\"><table><tr><th>picture</th><th "
+         "class=\"n\">PSNR, dB</th><th class=\"n\">SSIM</th><th class=\"n\">FLIP</th></tr>\n" +
+         rows + "</table></div></details>\n";
+}
+
+std::string ScenePart(const ReportData& data) {
+  if (data.scene_json.empty()) return Soft("No scene: the stage normalize has not finished.");
+  std::string json = data.scene_json;  // numbers only, but "</" must never stand in a script element
+  for (std::size_t at = 0; (at = json.find("</", at)) != std::string::npos; at += 3)
+    json.insert(at + 1, 1, '\\');
+  return "<div><canvas id=\"scene\"></canvas><script type=\"application/json\" id=\"scene-data\">" + json +
+         "</script>\n" +
+         Soft(
+             "Drag to turn, scroll to zoom. Blue cameras were trained on, orange ones held out; the dashed "
+             "line "
+             "is the film's path.") +
+         "</div>\n";
+}
+
+std::string CurvePart(const ReportData& data) {
+  std::vector<double> minutes;
+  const bool in_minutes = !data.curve.wall_s.empty() && data.curve.wall_s.back() > 180;
+  for (const double s : data.curve.wall_s) minutes.push_back(in_minutes ? s / 60 : s);
+  const std::string x_label = in_minutes ? "minutes of training" : "seconds of training";
+  const std::string psnr = PlotSvg({{"training rays", minutes, data.curve.train_psnr},
+                                    {"held-out views", minutes, data.curve.heldout_psnr}},
+                                   {x_label, "PSNR, dB"});
+  const std::string loss = PlotSvg({{"loss", minutes, data.curve.loss}}, {x_label, "loss", true});
+  if (psnr.empty() && loss.empty()) return Soft("No training curve: train/curve.csv is missing or empty.");
+  std::string facts;
+  if (!data.field.empty()) facts = "Field " + data.field;
+  if (data.train_parameters > 0) facts += Format(", %.2f million parameters", data.train_parameters / 1e6);
+  if (data.train_steps > 0) facts += Format(", %.0f steps", data.train_steps);
+  return "<div class=\"pair\">" + psnr + loss + "</div>\n" + (facts.empty() ? "" : Soft(facts + "."));
+}
+
+std::string StagesSection(const ReportData& data) {
+  double longest = 0;
+  for (const StageSummary& stage : data.stages) longest = std::max(longest, stage.wall_s);
+  std::string html =
+      "<h2>Time and memory</h2>\n<div class=\"scroll\"><table><tr><th>stage</th><th></th><th "
+      "class=\"n\">wall</th><th class=\"n\">CPU</th><th class=\"n\">memory</th><th></th></tr>\n";
+  for (const StageSummary& stage : data.stages) {
+    html += "<tr><td>" + stage.name + "</td><td class=\"soft\">" + EscapeHtml(stage.help) + "</td>";
+    if (!stage.done) {
+      html += "<td class=\"n soft\" colspan=\"3\">not run</td><td></td></tr>\n";
+      continue;
+    }
+    html += "<td class=\"n\">" + io::FormatDuration(stage.wall_s) + "</td><td class=\"n\">" +
+            io::FormatDuration(stage.cpu_s) + "</td><td class=\"n\">" + Megabytes(stage.peak_rss_bytes) +
+            "</td><td><span class=\"bar\"><i style=\"width:" +
+            Format("%.1f%%", longest > 0 ? 100 * stage.wall_s / longest : 0.0) + "\"></i></span></td></tr>\n";
+  }
+  return html + "</table></div>\n" + (data.host.empty() ? "" : Soft("Machine: " + data.host + "."));
+}
+
+std::string PictureTable(const std::string& title, const std::vector<NamedText>& rows) {
+  if (rows.empty()) return "";
+  std::string html = Format("<details%s><summary>%s (%zu)</summary>",
+                            rows.size() <= kPlainRows ? " open" : "",
+                            title.c_str(),
+                            rows.size());
+  html += "<div class=\"scroll\"><table>\n";
+  for (const NamedText& row : rows) {
+    html += "<tr><td class=\"name\">" + EscapeHtml(row.name) + "</td><td>" + EscapeHtml(row.text) +
+            "</td></tr>\n";
+  }
+  return html + "</table></div></details>\n";
+}
+
+std::string PicturesSection(const ReportData& data) {
+  std::string html = "<h2>Pictures</h2>\n";
+  if (!data.has_ingest) html += Soft("No ingest record: the input came with poses.");
+  if (data.has_ingest) html += Soft(Format("%d kept, %d dropped.", data.kept, data.dropped));
+  if (data.has_sfm) {
+    html += Soft(Format("%d of %d registered; %d points, mean reprojection error %.2f px.",
+                        data.registered,
+                        data.images,
+                        data.points,
+                        data.reprojection_error_px));
+  }
+  if (data.masks > 0) {
+    html += Soft(
+        Format("Masks of %d pictures leave %.0f %% of all pixels, the only ones to be trained on and scored.",
+               data.masks,
+               100 * data.used_share));
+  }
+  html += PictureTable("Dropped, and why", data.dropped_pictures);
+  html += PictureTable("Not registered, and why", data.unregistered);
+  html += PictureTable("How well each pose is known (one standard deviation)", data.pose_uncertainties);
+  std::vector<NamedText> noted = data.kept_pictures;
+  std::erase_if(noted, [](const NamedText& picture) { return picture.text.empty(); });
+  return html + PictureTable("Kept, with a note", noted);
+}
+
+std::string DecisionsSection(const ReportData& data) {
+  std::string html = "<h2>What was chosen, and why</h2>\n";
+  for (const StageSummary& stage : data.stages) {
+    if (stage.decisions.empty()) continue;
+    html += "<h3>" + stage.name + "</h3><ul>\n";
+    for (const std::string& line : stage.decisions) html += "<li>" + EscapeHtml(line) + "</li>\n";
+    html += "</ul>\n";
+  }
+  return html;
+}
+
+std::string CommandsSection(const ReportData& data) {
+  std::string html = "<h2>Commands</h2>\n";
+  if (!data.run_command.empty()) html += "<pre>" + EscapeHtml(data.run_command) + "</pre>\n";
+  std::string stages;
+  for (const StageSummary& stage : data.stages) {
+    if (!stage.command.empty()) stages += EscapeHtml(stage.command) + "\n";
+  }
+  if (!stages.empty()) html += Soft("Stage by stage:") + "<pre>" + stages + "</pre>\n";
+  return html + (data.versions.empty() ? "" : Soft("Versions: " + data.versions + "."));
+}
+
+}  // namespace
+
+std::string ReportPage(const ReportData& data) {
+  const std::string title = EscapeHtml(data.name);
+  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
+         "media-src data:; "
+         "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n"
+         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
+         title + "</title>\n<style>" + kReportStyle + "</style></head>\n<body><main>\n<h1>" + title +
+         "</h1>\n" + (data.input.empty() ? "" : Soft("From " + data.input)) + Headlines(data) +
+         FilmSection(data) + ViewsSection(data) + "<h2>Cameras and points</h2>\n" + ScenePart(data) +
+         "<h2>Training</h2>\n" + CurvePart(data) + StagesSection(data) + PicturesSection(data) +
+         DecisionsSection(data) + CommandsSection(data) + "</main>\n<script>" + kReportScript +
+         "</script>\n</body></html>\n";
+}
+
+}  // namespace pipeline

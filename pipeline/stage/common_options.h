@@ -1,0 +1,19 @@
+// Options that every stage has.
+#pragma once
+
+#include <filesystem>
+
+#include "pipeline/stage/options.h"
+
+namespace pipeline {
+
+struct CommonOptions {
+  std::filesystem::path out;  // run folder
+  bool force = false;         // run even when nothing changed
+  int threads = 0;            // 0: all cores
+};
+void AddCommonOptions(Options* options, CommonOptions* common);
+// common.threads, or all available cores; never more than kMaxThreadsPerCore per core.
+int ResolvedThreads(const CommonOptions& common);
+
+}  // namespace pipeline

@@ -1,0 +1,65 @@
+#include "pipeline/stage/run_record.h"
+
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "io/base/atomic_file.h"
+#include "pipeline/stage/folder_lock.h"
+#include "pipeline/stage/stage_table.h"
+#include "pipeline/stage/versions.h"
+
+namespace pipeline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+// A damaged run.json is only a record: it is started anew.
+Json ReadRecord(const fs::path& run_folder) {
+  const fs::path path = run_folder / "run.json";
+  Json record;
+  if (fs::is_regular_file(path)) record = Json::parse(io::ReadFile(path), nullptr, false);
+  return record.is_object() ? record : Json::object();
+}
+
+void WriteRecord(const fs::path& run_folder, Json record) {
+  char host[256] = "";
+  gethostname(host, sizeof host - 1);
+  record["versions"] = Json::parse(VersionsJson());
+  record["host"] = {{"name", host}, {"cores", std::thread::hardware_concurrency()}};
+  io::WriteFileAtomically(run_folder / "run.json",
+                          record.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+}
+
+}  // namespace
+
+void RecordStage(const fs::path& run_folder, const std::string& stage_name, const std::string& entry_json) {
+  Json record = ReadRecord(run_folder);
+  if (!record["stages"].is_object()) record["stages"] = Json::object();
+  record["stages"][stage_name] = Json::parse(entry_json);
+  WriteRecord(run_folder, std::move(record));
+}
+
+std::string ReadStageEntry(const fs::path& run_folder, const std::string& stage_name) {
+  const Json record = ReadRecord(run_folder);
+  const auto stages = record.find("stages");
+  if (stages == record.end() || !stages->is_object() || !stages->contains(stage_name)) return "";
+  return stages->at(stage_name).dump();
+}
+
+void RecordRun(const fs::path& run_folder, const std::string& members_json) {
+  const FolderLock lock(run_folder, "stage");
+  Json record = ReadRecord(run_folder);
+  record.update(Json::parse(members_json));
+  WriteRecord(run_folder, std::move(record));
+}
+
+std::string ReadStageRecord(const fs::path& run_folder, const std::string& stage_name) {
+  const std::string folder = FindStage(stage_name).folder;
+  const fs::path path = run_folder / folder / (folder + ".json");
+  return fs::is_regular_file(path) ? io::ReadFile(path) : "";
+}
+
+}  // namespace pipeline

@@ -1,0 +1,187 @@
+#include "pipeline/stage/stage_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/check.h"
+#include "io/base/error.h"
+#include "io/base/hash.h"
+#include "io/base/interrupt.h"
+#include "io/base/owned_folder.h"
+#include "io/base/progress.h"
+#include "io/base/resource_meter.h"
+#include "pipeline/stage/run_record.h"
+#include "pipeline/stage/stage_table.h"
+#include "pipeline/stage/versions.h"
+
+namespace pipeline {
+namespace {
+
+using io::Error;
+using io::ExitCode;
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+// File names need not be UTF-8; JSON must be.
+std::string Dump(const Json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+// Path -> content hash of every regular file below `path` (or of the file itself), except below `skipped`.
+void HashTree(const fs::path& path, const fs::path& skipped, std::map<std::string, std::string>* hashes) {
+  const fs::path root = fs::absolute(path).lexically_normal();
+  try {
+    if (fs::is_regular_file(root)) (*hashes)[root.string()] = io::HashFile(root);
+    if (!fs::is_directory(root)) return;
+    for (auto it = fs::recursive_directory_iterator(root); it != fs::recursive_directory_iterator(); ++it) {
+      if (it->is_directory() && it->path() == skipped) it.disable_recursion_pending();
+      if (it->is_regular_file()) (*hashes)[it->path().string()] = io::HashFile(it->path());
+    }
+  } catch (const fs::filesystem_error& error) {
+    throw Error(ExitCode::kBadInput, error.what());
+  }
+}
+
+bool OutputsIntact(const fs::path& folder, const Json& record) {
+  if (!record.contains("outputs")) return false;
+  for (const auto& [name, hash] : record["outputs"].items()) {
+    const fs::path file = folder / name;
+    if (!fs::is_regular_file(file) || io::HashFile(file) != hash) return false;
+  }
+  return true;
+}
+
+// What run.json keeps of a stage's record: the figures, not the lists.
+std::string Summary(const Json& record, const std::string& status) {
+  Json line = {{"status", status}};
+  for (const auto& [key, value] : record.items()) {
+    if (key != "stage" && key != "status" && (value.is_number() || value.is_string())) line[key] = value;
+  }
+  return Dump(line);
+}
+
+}  // namespace
+
+StageRun::StageRun(const std::string& stage_name,
+                   const CommonOptions& common,
+                   const Options& options,
+                   const std::vector<fs::path>& inputs,
+                   bool keep_partial)
+    : stage_name_(stage_name), options_(options) {
+  if (common.out.empty()) throw Error(ExitCode::kUsage, "pipeline " + stage_name + ": --out DIR is missing");
+  run_folder_ = fs::absolute(common.out).lexically_normal();
+  if (!run_folder_.has_filename()) run_folder_ = run_folder_.parent_path();  // "run/" is "run"
+  const std::string folder = FindStage(stage_name).folder;
+  final_ = run_folder_ / folder;
+  partial_ = run_folder_ / ("." + folder + ".partial");
+  key_file_ = run_folder_ / ("." + folder + ".key");
+  for (const fs::path& input : inputs) {
+    if (!fs::exists(input)) {
+      throw Error(ExitCode::kBadInput,
+                  input.string() + ": no such file or folder",
+                  "Run the stages before `" + stage_name + "` first, or `pipeline run`");
+    }
+  }
+  lock_ = std::make_unique<FolderLock>(run_folder_, "stage");
+  io::RequireOwnedFolder(final_);  // now, not after the work
+
+  for (const fs::path& input : inputs) HashTree(input, run_folder_, &input_hashes_);
+  Json versions = Json::parse(VersionsJson());
+  versions.erase("commit");  // says where results came from; whether they changed, the version says
+  std::string key_text = stage_name + "\n" + versions.dump() + "\n" + options.KeyText();
+  for (const auto& [path, hash] : input_hashes_)
+    key_text += "\n" + fs::path(path).lexically_relative(run_folder_).string() + " " + hash;
+  key_ = io::HashBytes(key_text);
+
+  const Json record = Json::parse(ReadStageRecord(run_folder_, stage_name), nullptr, false);
+  up_to_date_ = !common.force && record.is_object() && record.contains("key") && record["key"] == key_ &&
+                OutputsIntact(final_, record);
+  if (up_to_date_) {
+    Record("done", record.dump());
+    std::fprintf(stderr, "%s: up to date\n", stage_name.c_str());
+  } else {
+    OpenPartial(keep_partial && !common.force);
+    Record("running", "{}");
+  }
+}
+
+void StageRun::OpenPartial(bool keep_partial) {
+  const bool resumable = keep_partial && fs::is_directory(partial_) && fs::is_regular_file(key_file_) &&
+                         io::ReadFile(key_file_) == key_;
+  if (!resumable) {
+    fs::remove(key_file_);  // first: a half-removed folder must not look resumable
+    io::RemoveOwnedFolder(partial_);
+  }
+  io::ClaimFolder(partial_);
+  io::RemoveTemporaries(run_folder_);
+  io::WriteFileAtomically(key_file_, key_);
+}
+
+StageRun::~StageRun() {
+  if (up_to_date_ || finished_) return;
+  try {
+    Record(io::PendingInterrupt() ? "interrupted" : "failed", "{}");
+  } catch (const std::exception&) {  // the error that brought us here is the one to report
+  }
+}
+
+// run.json is rewritten only when the entry changes.
+void StageRun::Record(const std::string& status, const std::string& record_json) {
+  const std::string entry = Summary(Json::parse(record_json), status);
+  if (ReadStageEntry(run_folder_, stage_name_) != entry) RecordStage(run_folder_, stage_name_, entry);
+}
+
+void StageRun::Decide(const std::string& line) {
+  std::fprintf(stderr, "%s: %s\n", stage_name_.c_str(), line.c_str());
+  decisions_.push_back(line);
+}
+
+void StageRun::Set(const std::string& key, double value) {
+  PIPELINE_CHECK(std::isfinite(value));  // JSON would say null
+  SetJson(key, Dump(value));
+}
+void StageRun::Set(const std::string& key, const std::string& value) { SetJson(key, Dump(value)); }
+void StageRun::SetJson(const std::string& key, const std::string& json_text) {
+  figures_.emplace_back(key, json_text);
+}
+
+void StageRun::AddChildUse(double cpu_s, std::size_t peak_rss_bytes) {
+  child_cpu_s_ += cpu_s;
+  child_peak_rss_bytes_ = std::max(child_peak_rss_bytes_, peak_rss_bytes);
+}
+
+void StageRun::Finish() {
+  std::map<std::string, std::string> output_hashes;
+  HashTree(partial_, {}, &output_hashes);
+  const double wall_s = stopwatch_.seconds();
+
+  Json record;
+  record["stage"] = stage_name_;
+  record["status"] = "done";
+  record["wall_s"] = wall_s;
+  record["cpu_s"] = io::ProcessCpuSeconds() + child_cpu_s_;
+  record["peak_rss_bytes"] = std::max(io::PeakRssBytes(), child_peak_rss_bytes_);
+  record["options"] = Json::parse(options_.ResolvedJson());
+  record["versions"] = Json::parse(VersionsJson());
+  record["decisions"] = decisions_;
+  for (const auto& [key, text] : figures_) record[key] = Json::parse(text);
+  record["key"] = key_;
+  record["inputs"] = Json::object();
+  for (const auto& [path, hash] : input_hashes_)
+    record["inputs"][fs::path(path).lexically_relative(run_folder_).string()] = hash;
+  record["outputs"] = Json::object();
+  for (const auto& [path, hash] : output_hashes)
+    record["outputs"][fs::path(path).lexically_relative(partial_).string()] = hash;
+
+  io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), Dump(record, 1) + "\n");
+  io::ReplaceFolder(partial_, final_);
+  finished_ = true;
+  fs::remove(key_file_);
+  Record("done", Dump(record));
+  std::fprintf(stderr, "%s: done in %s\n", stage_name_.c_str(), io::FormatDuration(wall_s).c_str());
+}
+
+}  // namespace pipeline

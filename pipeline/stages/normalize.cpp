@@ -1,0 +1,316 @@
+// `pipeline normalize`: posed pictures in, the training scene out (pictures at training size, poses in scene
+// units, the split, near, far, aabb).
+#include "sfm/scene/normalize.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "io/base/error.h"
+#include "io/base/hash.h"
+#include "io/base/interrupt.h"
+#include "io/base/natural_order.h"
+#include "io/base/parallel.h"
+#include "io/image/image.h"
+#include "io/image/mask.h"
+#include "io/scene/ply.h"
+#include "io/scene/transforms.h"
+#include "pipeline/stage/common_options.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/pose_source.h"
+#include "pipeline/stages/stages.h"
+#include "sfm/scene/undistort.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+struct NormalizeOptions {
+  CommonOptions common;
+  fs::path poses, images;
+  int image_size = 512;
+  int holdout_every = 8;
+};
+
+// All NeRF-synthetic objects lie within 1.5 of the origin, on all three axes.
+constexpr double kBlenderHalfSide = 1.5;
+constexpr std::size_t kMaxNamed = 5;  // missing pictures named on the terminal; scene.json lists them all
+
+// Frames in natural order of their names, with a split each.
+void SplitFrames(const NormalizeOptions& options, PoseSource* source, StageRun* stage) {
+  const std::vector<io::Frame> frames = source->scene.frames;
+  const std::vector<std::string> given = source->splits;
+  std::vector<std::size_t> order(frames.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return io::NaturalLess(frames[a].image_path.string(), frames[b].image_path.string());
+  });
+  source->splits.resize(frames.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool is_held_out = i % static_cast<std::size_t>(options.holdout_every) == 0;
+    source->scene.frames[i] = frames[order[i]];
+    source->splits[i] = !given.empty() ? given[order[i]] : is_held_out ? "test" : "train";
+  }
+  // Observers are indices into the old order; nothing reads them from here on.
+  for (io::Point3D& point : source->scene.points) point.frame_indices.clear();
+  stage->Decide(given.empty() ? "split: every " + std::to_string(options.holdout_every) +
+                                    "th picture in natural order is held out for testing"
+                              : "split: kept as given");
+}
+
+// Equal pictures in train and test make every score worthless.
+void WarnOfLeakage(const PoseSource& source, StageRun* stage) {
+  std::set<std::string> trained;
+  for (const bool is_train : {true, false}) {
+    std::size_t shared = 0;
+    for (std::size_t i = 0; i < source.splits.size(); ++i) {
+      if ((source.splits[i] == "train") != is_train) continue;
+      const std::string hash = io::HashFile(source.scene.frames[i].image_path);
+      if (is_train)
+        trained.insert(hash);
+      else
+        shared += source.splits[i] == "test" && trained.contains(hash);
+    }
+    if (shared > 0)
+      stage->Decide("warning: " + std::to_string(shared) + " test pictures are training pictures too");
+  }
+}
+
+// Where each frame's picture goes, relative to the stage's folder: <split>/<stem>.png for a given split,
+// otherwise images/<stem>.png. Equal names, which come from different folders, get their number in front.
+std::vector<fs::path> PictureNames(const PoseSource& source, bool is_split_given) {
+  std::vector<fs::path> names;
+  std::set<fs::path> seen;
+  bool is_unique = true;
+  for (std::size_t i = 0; i < source.scene.frames.size(); ++i) {
+    const fs::path folder = is_split_given ? source.splits[i] : "images";
+    names.push_back(folder / (source.scene.frames[i].image_path.stem().string() + ".png"));
+    is_unique = seen.insert(names.back()).second && is_unique;
+  }
+  for (std::size_t i = 0; !is_unique && i < names.size(); ++i) {
+    const std::string number = std::to_string(i + 1);
+    const std::string zeros(number.size() < 5 ? 5 - number.size() : 0, '0');
+    names[i].replace_filename(zeros + number + "_" + names[i].filename().string());
+  }
+  return names;
+}
+
+// The camera for pictures whose longest side is at most `limit` (0: any).
+io::Camera LimitedCamera(const io::Camera& camera, int limit) {
+  const int longest = std::max(camera.width, camera.height);
+  if (limit == 0 || longest <= limit) return camera;
+  const auto scaled = [&](int side) {
+    return std::max(1, static_cast<int>(std::lround(static_cast<double>(side) * limit / longest)));
+  };
+  return io::ResizedCamera(camera, scaled(camera.width), scaled(camera.height));
+}
+
+// A PNG that needs no resizing becomes a second name of the same file, or a copy where the file system has no
+// such.
+void PlacePicture(const fs::path& from, const fs::path& to, int width, int height, const io::Camera& camera) {
+  fs::create_directories(to.parent_path());
+  if (width == camera.width && height == camera.height && from.extension() == ".png") {
+    std::error_code error;
+    fs::create_hard_link(fs::canonical(from), to, error);
+    if (error) fs::copy_file(from, to);
+    return;
+  }
+  io::WriteImage(to, io::ResizeArea(io::ReadImage(from), width, height));
+}
+
+// Writes the pictures at training size, and their masks at the same below masks/; the scene then has the
+// cameras and absolute paths of these. Returns the share of all pixels that are used.
+double WritePictures(
+    const std::vector<fs::path>& names, int limit, int threads, const fs::path& folder, io::Scene* scene) {
+  std::vector<io::Camera> cameras = scene->cameras;
+  std::atomic<std::size_t> n_pixels = 0, n_used = 0;
+  for (io::Camera& camera : cameras) camera = LimitedCamera(camera, limit);
+  io::Workers(threads).Run(static_cast<int>(names.size()), [&](int task, int) {
+    io::ThrowIfInterrupted();
+    const auto i = static_cast<std::size_t>(task);
+    io::Frame& frame = scene->frames[i];
+    const io::Camera& full = scene->cameras[static_cast<std::size_t>(frame.camera_index)];
+    const io::Camera& camera = cameras[static_cast<std::size_t>(frame.camera_index)];
+    const fs::path target = folder / names[i];
+    PlacePicture(frame.image_path, target, camera.width, camera.height, full);
+    frame.image_path = target;
+    const std::size_t size = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    n_pixels += size;
+    if (frame.mask_path.empty()) {
+      n_used += size;
+      return;
+    }
+    const io::Mask mask =
+        io::ShrinkMask(io::ReadMask(frame.mask_path, full.width, full.height), camera.width, camera.height);
+    frame.mask_path = folder / "masks" / names[i];
+    io::WriteMask(frame.mask_path, mask);
+    n_used += mask.UsedCount();
+  });
+  scene->cameras = std::move(cameras);
+  return static_cast<double>(n_used) / static_cast<double>(n_pixels);
+}
+
+void RecordMasks(const io::Scene& scene, double used_share, StageRun* stage) {
+  const auto n_masks = std::count_if(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
+    return !frame.mask_path.empty();
+  });
+  if (n_masks == 0) return;
+  stage->Set("masks", static_cast<double>(n_masks));
+  stage->Set("used_share", used_share);
+  stage->Decide("masks: for " + std::to_string(n_masks) + " of " + std::to_string(scene.frames.size()) +
+                " pictures; training and scores use " + std::to_string(std::lround(100 * used_share)) +
+                " % of all pixels");
+}
+
+// transforms_<split>.json of every split that has frames, read back as the next stages will read it.
+void WriteSplits(const PoseSource& source, const fs::path& folder) {
+  const bool has_points = !source.scene.points.empty();
+  if (has_points) io::WritePly(folder / "points.ply", source.scene.points);
+  for (const std::string split : {"train", "val", "test"}) {
+    io::Scene part = source.scene;
+    part.frames.clear();
+    for (std::size_t i = 0; i < source.splits.size(); ++i) {
+      if (source.splits[i] == split) part.frames.push_back(source.scene.frames[i]);
+    }
+    if (part.frames.empty()) continue;
+    const fs::path json_path = folder / ("transforms_" + split + ".json");
+    io::WriteTransforms(json_path, part, has_points ? "points.ply" : "");
+    const io::TransformsFile file = io::ReadTransforms(json_path);
+    if (file.scene.frames.size() != part.frames.size() || !file.missing_images.empty())
+      throw io::Error(io::ExitCode::kInternal, json_path.string() + ": does not read back as written");
+  }
+}
+
+// "nerf-400-white" and "nerf-800-white" are the protocols of published numbers; other sizes are named alike.
+std::string ProtocolName(const PoseSource& source) {
+  const io::Camera& camera = source.scene.cameras[0];
+  const int longest = std::max(camera.width, camera.height);
+  return source.is_blender ? "nerf-" + std::to_string(longest) + "-white" : "capture";
+}
+
+Json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+void RecordScene(const PoseSource& source, StageRun* stage) {
+  const io::Scene& scene = source.scene;
+  stage->Set("near", scene.near);
+  stage->Set("far", scene.far);
+  stage->SetJson("aabb", Json({ToJson(scene.aabb.min), ToJson(scene.aabb.max)}).dump());
+  stage->SetJson("unbounded", scene.unbounded ? "true" : "false");
+  const io::Sim3d& sim3 = scene.scene_from_sfm;
+  Json rotation = Json::array();
+  for (int r = 0; r < 3; ++r) rotation.push_back(ToJson(Eigen::Vector3d(sim3.rotation.row(r))));
+  const Json chain = {
+      {"scale", sim3.scale}, {"rotation", rotation}, {"translation", ToJson(sim3.translation)}};
+  stage->SetJson("scene_from_sfm", chain.dump());
+  stage->Set("protocol", ProtocolName(source));
+  stage->Set("frames", static_cast<double>(scene.frames.size()));
+  stage->Set("points", static_cast<double>(scene.points.size()));
+  Json held_out = Json::array();
+  for (std::size_t i = 0; i < source.splits.size(); ++i) {
+    if (source.splits[i] == "test") held_out.push_back(scene.frames[i].image_path.filename().string());
+  }
+  stage->SetJson("held_out", held_out.dump());
+  stage->SetJson("missing_images", Json(source.missing_images).dump());
+}
+
+// Moves the scene, or keeps it when it already lies as it should.
+void PlaceScene(PoseSource* source, StageRun* stage) {
+  io::Scene& scene = source->scene;
+  Json coverage, coverage_near, depth_range;  // null: unknown
+  if (source->is_blender) {
+    scene.near = 2;
+    scene.far = 6;
+    scene.aabb = {Eigen::Vector3d::Constant(-kBlenderHalfSide), Eigen::Vector3d::Constant(kBlenderHalfSide)};
+    stage->Decide("scale: NeRF-synthetic files have near 2, far 6 and pass through unchanged");
+  } else if (source->is_normalised) {
+    stage->Decide("scale: the file states near, far and aabb and passes through unchanged");
+  } else {
+    sfm::NormalizeReport report = sfm::NormalizeScene(scene);
+    for (const std::string& line : report.decisions) stage->Decide(line);
+    if (report.coverage) {
+      coverage = *report.coverage;
+      coverage_near = *report.coverage_near;
+      depth_range = {report.depth_min, report.depth_max};
+    }
+    scene = std::move(report.scene);
+  }
+  stage->SetJson("coverage", coverage.dump());
+  stage->SetJson("coverage_near", coverage_near.dump());
+  stage->SetJson("depth_range", depth_range.dump());
+}
+
+void DecideAboutInput(const PoseSource& source, StageRun* stage) {
+  for (const std::string& note : source.notes) stage->Decide("input: " + note);
+  if (source.missing_images.empty()) return;
+  std::string line =
+      std::to_string(source.missing_images.size()) + " posed pictures do not exist and are left out:";
+  for (std::size_t i = 0; i < std::min(kMaxNamed, source.missing_images.size()); ++i)
+    line += " " + source.missing_images[i];
+  stage->Decide(line + (source.missing_images.size() > kMaxNamed ? " ..." : ""));
+}
+
+void Normalize(const NormalizeOptions& options, const Options& flags) {
+  PoseSource source = options.poses.empty() ? ReadSfmPoses(fs::absolute(options.common.out) / "sfm")
+                                            : ReadPoses(options.poses, options.images);
+  StageRun stage("normalize", options.common, flags, source.files);
+  if (stage.IsUpToDate()) return;
+  const int threads = ResolvedThreads(options.common);
+  DecideAboutInput(source, &stage);
+  PlaceScene(&source, &stage);
+
+  const fs::path undistorted = stage.folder() / "undistorted";
+  const bool is_distorted = std::any_of(source.scene.cameras.begin(),
+                                        source.scene.cameras.end(),
+                                        [](const io::Camera& camera) { return camera.HasDistortion(); });
+  const bool is_split_given = !source.splits.empty();
+  SplitFrames(options, &source, &stage);
+  WarnOfLeakage(source, &stage);
+  const std::vector<fs::path> names = PictureNames(source, is_split_given);
+  if (is_distorted) {
+    stage.Decide("pictures: the lens distortion is removed");
+    source.scene = sfm::UndistortScene(source.scene, undistorted, threads);
+  }
+  // NeRF-synthetic pictures have the size of their protocol; another size must be asked for.
+  const bool keep_size = source.is_blender && !flags.IsSetByUser("image-size");
+  const int size_limit = keep_size ? 0 : options.image_size;
+  const double used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
+  fs::remove_all(undistorted);
+  stage.Decide("pictures: " + std::to_string(source.scene.cameras[0].width) + " x " +
+               std::to_string(source.scene.cameras[0].height) + " for training");
+  RecordMasks(source.scene, used_share, &stage);
+  WriteSplits(source, stage.folder());
+  RecordScene(source, &stage);
+  stage.Finish();
+}
+
+}  // namespace
+
+int RunNormalize(int argc, const char* const* argv) {
+  return GuardedMain("pipeline normalize", [&] {
+    NormalizeOptions options;
+    Options flags(
+        "pipeline normalize",
+        "Moves and scales the posed pictures to near 2, far 6, and splits them into train and test.");
+    AddCommonOptions(&flags, &options.common);
+    flags.Add("poses", &options.poses, "transforms.json, its folder, or a COLMAP model; empty = OUT/sfm");
+    flags.Add("images", &options.images, "pictures of a COLMAP model; empty = searched beside it");
+    flags.Add("image-size", &options.image_size, "longest side for training, pixels; 0 = keep");
+    flags.Add("holdout-every", &options.holdout_every, "every n-th picture is a test view");
+    if (!flags.Parse(argc, argv)) return;
+    if (options.common.out.empty())
+      throw io::Error(io::ExitCode::kUsage, "pipeline normalize: --out DIR is missing");
+    if (options.image_size < 0)
+      throw io::Error(io::ExitCode::kUsage, "--image-size: must be 0 (keep) or a number of pixels");
+    if (options.holdout_every < 2)
+      throw io::Error(io::ExitCode::kUsage, "--holdout-every: must be 2 or more");
+    Normalize(options, flags);
+  });
+}
+
+}  // namespace pipeline

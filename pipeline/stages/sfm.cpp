@@ -1,0 +1,217 @@
+// `pipeline sfm`: ingest/ in, posed pinhole pictures out.
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/scene/ply.h"
+#include "io/scene/transforms.h"
+#include "pipeline/stage/common_options.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/stages.h"
+#include "sfm/reconstruction.h"
+#include "sfm/scene/undistort.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMaxFramesJsonBytes = std::size_t{64} << 20;
+
+[[noreturn]] void FailFrames(const fs::path& path, const std::string& what) {
+  throw io::Error(io::ExitCode::kBadInput, path.string() + ": " + what, "Run pipeline ingest again");
+}
+
+sfm::Picture ToPicture(const fs::path& path, const Json& entry, std::size_t index) {
+  const std::string label = "kept[" + std::to_string(index) + "]";
+  if (!entry.is_object()) FailFrames(path, label + " is not an object");
+  const auto number = [&](const char* key, bool needed) {
+    const auto at = entry.find(key);
+    if (at == entry.end() || at->is_null()) {
+      if (needed) FailFrames(path, label + "." + key + " is missing");
+      return 0.0;
+    }
+    if (!at->is_number() || !std::isfinite(at->get<double>()) || at->get<double>() < 0) {
+      FailFrames(path, label + "." + key + " is not a number >= 0");
+    }
+    return at->get<double>();
+  };
+  sfm::Picture picture;
+  const auto name = entry.find("name");
+  if (name == entry.end() || !name->is_string()) FailFrames(path, label + ".name is missing");
+  picture.name = name->get<std::string>();
+  // COLMAP's pair lists separate names by blanks.
+  if (picture.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-") !=
+          std::string::npos ||
+      picture.name.empty() || picture.name[0] == '.') {
+    FailFrames(
+        path,
+        label + ".name '" + picture.name + "' has characters other than letters, digits, '.', '_', '-'");
+  }
+  const double width = number("width", true), height = number("height", true);
+  if (width < 1 || height < 1 || width > 65535 || height > 65535)
+    FailFrames(path, label + " has no valid size");
+  picture.width = static_cast<int>(width);
+  picture.height = static_cast<int>(height);
+  picture.focal_px = number("focal_px", false);
+  const auto group = entry.find("camera_group");
+  if (group != entry.end() && !group->is_null()) picture.camera_group = group->dump();
+  picture.is_video_frame = entry.contains("time_s") && !entry["time_s"].is_null();
+  return picture;
+}
+
+std::vector<sfm::Picture> ReadPictures(const fs::path& ingest) {
+  const fs::path path = ingest / "frames.json";
+  if (!fs::is_regular_file(path)) {
+    throw io::Error(io::ExitCode::kBadInput, path.string() + ": no such file", "Run pipeline ingest first");
+  }
+  const Json json = Json::parse(io::ReadFile(path, kMaxFramesJsonBytes), nullptr, false);
+  if (!json.is_object() || !json.contains("kept") || !json["kept"].is_array())
+    FailFrames(path, "has no list 'kept'");
+  std::vector<sfm::Picture> pictures;
+  std::set<std::string> names;
+  for (const Json& entry : json["kept"]) {
+    pictures.push_back(ToPicture(path, entry, pictures.size()));
+    const std::string& name = pictures.back().name;
+    if (!names.insert(name).second) FailFrames(path, "names " + name + " twice");
+    if (!fs::is_regular_file(ingest / "images" / name))
+      FailFrames(path, "names images/" + name + ", which is missing");
+  }
+  return pictures;
+}
+
+void WriteOutputs(const sfm::Reconstruction& result,
+                  const fs::path& images,
+                  const fs::path& masks,
+                  const fs::path& folder,
+                  int threads) {
+  io::Scene scene = result.model.scene;
+  for (io::Frame& frame : scene.frames) {
+    const fs::path mask = masks / fs::path(frame.image_path).replace_extension(".png");
+    if (!masks.empty() && fs::exists(mask)) frame.mask_path = mask;
+    frame.image_path = images / frame.image_path;
+  }
+  const io::Scene undistorted = sfm::UndistortScene(scene, folder, threads);
+  io::WritePly(folder / "points.ply", undistorted.points);
+  io::WriteTransforms(folder / "transforms.json", undistorted, "points.ply");
+  io::WriteColmapModel(folder / "sparse" / "0", result.model);
+  fs::rename(result.database, folder / "database.db");
+  fs::rename(result.log, folder / "colmap.log");
+}
+
+void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, StageRun* stage) {
+  const io::ColmapModel& model = result.model;
+  stage->SetJson("images", std::to_string(n_pictures));
+  stage->SetJson("registered", std::to_string(model.scene.frames.size()));
+  stage->SetJson("points", std::to_string(model.scene.points.size()));
+  stage->Set("mean_reprojection_error_px", model.mean_reprojection_error_px);
+  stage->Set("mean_track_length", model.mean_track_length);
+  stage->Set("triangulation_angle_deg", result.triangulation_angle_deg);
+  stage->Set("camera_model", model.camera_model);
+  Json cameras = Json::array();
+  for (const io::Camera& c : model.scene.cameras) {
+    cameras.push_back({{"w", c.width},
+                       {"h", c.height},
+                       {"fl_x", c.fl_x},
+                       {"fl_y", c.fl_y},
+                       {"cx", c.cx},
+                       {"cy", c.cy},
+                       {"k1", c.k1},
+                       {"k2", c.k2},
+                       {"p1", c.p1},
+                       {"p2", c.p2}});
+  }
+  stage->SetJson("cameras", cameras.dump());  // as estimated, before undistortion
+  Json poses = Json::array();
+  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
+    const sfm::PoseUncertainty& pose = result.uncertainty.poses[i];
+    poses.push_back({{"name", model.scene.frames[i].image_path.string()},
+                     {"rotation_sigma_deg", pose.rotation_deg},
+                     {"centre_sigma_share", pose.centre}});
+  }
+  stage->SetJson("poses", poses.dump());
+  const sfm::ReconstructionTimes& times = result.times;
+  stage->SetJson("wall_s_of",
+                 Json{{"features", times.features_s},
+                      {"matching", times.matching_s},
+                      {"verifying", times.verifying_s},
+                      {"mapping", times.mapping_s},
+                      {"adjusting", times.adjusting_s}}
+                     .dump());
+  Json unregistered = Json::array();
+  for (const sfm::Unregistered& picture : result.unregistered) {
+    unregistered.push_back({{"name", picture.name}, {"cause", picture.cause}});
+    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), picture.cause.c_str());
+  }
+  stage->SetJson("unregistered", unregistered.dump());
+  char line[200];
+  std::snprintf(line,
+                sizeof line,
+                "%zu of %zu pictures registered, %zu points, %.2f px mean error, median angle %.1f degrees",
+                model.scene.frames.size(),
+                n_pictures,
+                model.scene.points.size(),
+                model.mean_reprojection_error_px,
+                result.triangulation_angle_deg);
+  std::fprintf(stderr, "sfm: %s\n", line);
+}
+
+}  // namespace
+
+int RunSfm(int argc, const char* const* argv) {
+  return GuardedMain("pipeline sfm", [&] {
+    CommonOptions common;
+    sfm::ReconstructionOptions settings;
+    Options options(
+        "pipeline sfm",
+        "Finds where each picture of DIR/ingest was taken (own matching, COLMAP, final adjustment) "
+        "and undistorts it.");
+    AddCommonOptions(&options, &common);
+    options.Add("features", &settings.features, "SIFT features per picture");
+    options.Add("detect-size",
+                &settings.max_image_size,
+                "longer side of the picture in which features are detected [px]; 0 = full size");
+    options.Add("detector", &settings.detector, "whose SIFT: opencv or colmap");
+    options.Add(
+        "camera-model",
+        &settings.camera_model,
+        "auto (as simple as the data allow), SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
+    options.Add(
+        "matching", &settings.matching, "auto, exhaustive, likely (most alike pairs) or sequential (video)");
+    options.Add("retry-minutes",
+                &settings.retry_minutes,
+                "ceiling for further attempts with stronger settings; 0 = none");
+    if (!options.Parse(argc, argv)) return;
+    settings.threads = ResolvedThreads(common);
+
+    if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline sfm: --out DIR is missing");
+    const fs::path ingest = fs::absolute(common.out).lexically_normal() / "ingest";
+    const std::vector<sfm::Picture> pictures = ReadPictures(ingest);
+    std::vector<fs::path> inputs = {ingest / "images", ingest / "frames.json"};
+    if (fs::is_directory(ingest / "masks")) {
+      settings.masks_folder = ingest / "masks";
+      inputs.push_back(settings.masks_folder);
+      if (settings.detector == "colmap")
+        throw io::Error(io::ExitCode::kUsage, "--detector: colmap's takes no masks", "Use --detector opencv");
+    }
+    StageRun stage("sfm", common, options, inputs);
+    if (stage.IsUpToDate()) return;
+
+    const fs::path work = stage.folder() / "work";
+    const sfm::Reconstruction result = sfm::Reconstruct(
+        pictures, ingest / "images", work, settings, [&](const std::string& line) { stage.Decide(line); });
+    WriteOutputs(result, ingest / "images", settings.masks_folder, stage.folder(), settings.threads);
+    fs::remove_all(work);
+    stage.AddChildUse(result.colmap_cpu_s, result.peak_rss_bytes);
+    RecordFigures(result, pictures.size(), &stage);
+    stage.Finish();
+  });
+}
+
+}  // namespace pipeline

@@ -1,0 +1,88 @@
+// `pipeline train`: the radiance field from the normalised scene.
+#include <cmath>
+#include <cstdio>
+
+#include "io/base/error.h"
+#include "io/scene/transforms.h"
+#include "nerf/training/target_training.h"
+#include "pipeline/stage/common_options.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/stages.h"
+#include "pipeline/stages/torch_program.h"
+#include "pipeline/stages/train_options.h"
+
+namespace pipeline {
+namespace {
+
+void TrainStage(int argc, const char* const* argv) {
+  CommonOptions common;
+  TrainFlags flags;
+  Options options("pipeline train",
+                  "Trains the radiance field of a run folder's normalised scene; Ctrl-C saves, the same "
+                  "command continues.");
+  AddCommonOptions(&options, &common);
+  AddTrainOptions(&options, &flags);
+  if (!options.Parse(argc, argv)) return;
+  ApplyPreset(argc, argv, &options, &flags);
+  nerf::TrainOptions train = ResolvedTrainOptions(options, flags);
+  train.threads = ResolvedThreads(common);
+  if (train.field.field == "nerf") ContinueWithTorch("train", argc, argv);
+
+  const std::filesystem::path scene_folder = common.out / "scene";
+  StageRun run("train", common, options, {scene_folder}, true);
+  if (run.IsUpToDate()) return;
+  const io::Scene scene = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
+  const std::filesystem::path heldout_path = scene_folder / "transforms_test.json";
+  const io::Scene heldout =
+      std::filesystem::exists(heldout_path) ? io::ReadTransforms(heldout_path).scene : io::Scene{};
+
+  const auto train_field = train.target_psnr > 0 ? nerf::TrainToTarget : nerf::Train;
+  const nerf::TrainReport report = train_field(scene, heldout, train, run.folder());
+  if (!report.derivation.empty()) run.Decide(report.derivation);
+  for (const std::string& event : report.events) run.Decide(event);
+  char line[200];
+  std::snprintf(line,
+                sizeof line,
+                "%llu steps in %.1f s with %s: %.3f M samples/s, %.1f samples per ray, %.1f %% of "
+                "the space occupied",
+                static_cast<unsigned long long>(report.steps),
+                report.train_s,
+                report.arithmetic.c_str(),
+                report.samples_per_s / 1e6,
+                report.samples_per_ray,
+                100 * report.occupied_share);
+  run.Decide(line);
+  if (report.gemm_gflops > 0) {
+    std::snprintf(line,
+                  sizeof line,
+                  "network arithmetic %.0f GFLOP/s, %.0f %% of the %.0f that plain matrix products of its "
+                  "size reach here",
+                  report.gflops,
+                  100 * report.gflops / report.gemm_gflops,
+                  report.gemm_gflops);
+    run.Decide(line);
+    run.Set("gflops", report.gflops);
+    run.Set("gemm_gflops", report.gemm_gflops);
+  }
+  run.Set("field", train.field.field);
+  run.Set("parameters", static_cast<double>(report.parameters));
+  run.Set("steps", static_cast<double>(report.steps));
+  run.Set("train_s", report.train_s);
+  run.Set("samples_per_s", report.samples_per_s);
+  run.Set("rays_per_s", report.rays_per_s);
+  run.Set("samples_per_ray", report.samples_per_ray);
+  if (std::isfinite(report.heldout_psnr)) run.Set("monitored_heldout_psnr", report.heldout_psnr);
+  run.Set("skipped_steps", report.skipped_steps);
+  run.Set("restarts", report.restarts);
+  run.Finish();
+}
+
+}  // namespace
+
+int RunTrain(int argc, const char* const* argv) {
+  return GuardedMain("pipeline train", [&] { TrainStage(argc, argv); });
+}
+
+}  // namespace pipeline

@@ -1,0 +1,137 @@
+#include "sfm/features/features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <numbers>
+#include <numeric>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "io/base/error.h"
+#include "io/base/parallel.h"
+#include "io/base/progress.h"
+#include "io/image/mask.h"
+
+namespace sfm {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Half of OpenCV's default and COLMAP's value: soft textures still give features; the strongest are kept.
+constexpr double kContrastThreshold = 0.02, kEdgeThreshold = 10, kSigma = 1.6;
+constexpr int kOctaveLayers = 3;
+// OpenCV doubles the picture with pixel centres mapped to pixel centres, x2 = 2 x + 1/2, and halves the
+// keypoints' positions as if x2 = 2 x: they come out 1/4 pixel too large (opencv/opencv#23123). Positions
+// count from the centre of the first pixel, which is at 1/2 here.
+constexpr float kPositionOffset = 0.5f - 0.25f;
+constexpr float kDescriptorScale = 512;
+
+cv::Mat ReadGrey(const fs::path& path) {
+  cv::Mat picture = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+  if (picture.empty()) {
+    throw io::Error(io::ExitCode::kBadInput,
+                    path.string() + ": cannot be read as a picture",
+                    "Run pipeline ingest again");
+  }
+  return picture;
+}
+
+void WriteRootSift(const float* sift, std::uint8_t* descriptor) {
+  float sum = 0;
+  for (int k = 0; k < kDescriptorBytes; ++k) sum += sift[k];
+  for (int k = 0; k < kDescriptorBytes; ++k) {
+    const float root = sum > 0 ? kDescriptorScale * std::sqrt(sift[k] / sum) : 0.0f;
+    descriptor[k] = static_cast<std::uint8_t>(std::min(255.0f, std::round(root)));
+  }
+}
+
+// The mask at detection size; empty without a mask.
+cv::Mat DetectionMask(const fs::path& folder, const std::string& name, cv::Size picture_size, cv::Size size) {
+  const fs::path path = folder / fs::path(name).replace_extension(".png");
+  if (folder.empty() || !fs::exists(path)) return {};
+  const io::Mask mask =
+      io::ShrinkMask(io::ReadMask(path, picture_size.width, picture_size.height), size.width, size.height);
+  return cv::Mat(mask.used, true).reshape(0, mask.height);
+}
+
+Features Detect(const fs::path& path, const fs::path& masks_folder, const FeatureOptions& options) {
+  cv::Mat picture = ReadGrey(path);
+  const cv::Size full = picture.size();
+  const int longer = std::max(full.width, full.height);
+  if (options.max_image_size > 0 && longer > options.max_image_size) {
+    const double scale = static_cast<double>(options.max_image_size) / longer;
+    const cv::Size size(static_cast<int>(std::lround(full.width * scale)),
+                        static_cast<int>(std::lround(full.height * scale)));
+    cv::resize(picture, picture, size, 0, 0, cv::INTER_AREA);
+  }
+  const float scale_x = static_cast<float>(full.width) / static_cast<float>(picture.cols);
+  const float scale_y = static_cast<float>(full.height) / static_cast<float>(picture.rows);
+  const cv::Ptr<cv::SIFT> sift =
+      cv::SIFT::create(options.max_features, kOctaveLayers, kContrastThreshold, kEdgeThreshold, kSigma);
+  std::vector<cv::KeyPoint> keypoints;
+  cv::Mat descriptors;
+  sift->detectAndCompute(picture,
+                         DetectionMask(masks_folder, path.filename().string(), full, picture.size()),
+                         keypoints,
+                         descriptors);
+
+  // Ties at the cut let OpenCV keep more than asked for, in an order of its own.
+  std::vector<int> order(keypoints.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return keypoints[a].response > keypoints[b].response;
+  });
+  order.resize(std::min<std::size_t>(order.size(), static_cast<std::size_t>(options.max_features)));
+  Features features;
+  features.descriptors.resize(order.size() * kDescriptorBytes);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const cv::KeyPoint& k = keypoints[static_cast<std::size_t>(order[i])];
+    features.keypoints.push_back({.x = (k.pt.x + kPositionOffset) * scale_x,
+                                  .y = (k.pt.y + kPositionOffset) * scale_y,
+                                  .scale = k.size / 2 * scale_x,
+                                  .angle = k.angle * static_cast<float>(std::numbers::pi / 180)});
+    WriteRootSift(descriptors.ptr<float>(order[i]), &features.descriptors[i * kDescriptorBytes]);
+  }
+  return features;
+}
+
+}  // namespace
+
+std::vector<Features> DetectFeatures(const fs::path& images_folder,
+                                     const std::vector<std::string>& names,
+                                     const fs::path& masks_folder,
+                                     const FeatureOptions& options) {
+  cv::setNumThreads(1);  // whole pictures are spread over the threads instead
+  std::vector<Features> features(names.size());
+  io::Progress progress("sfm: features");
+  std::size_t done = 0;
+  std::mutex mutex;
+  io::ParallelFor(names.size(), options.threads, [&](std::size_t i) {
+    features[i] = Detect(images_folder / names[i], masks_folder, options);
+    const std::lock_guard lock(mutex);
+    ++done;
+    progress.Update(static_cast<double>(done) / static_cast<double>(names.size()),
+                    std::to_string(done) + " of " + std::to_string(names.size()));
+  });
+  return features;
+}
+
+Features LargestFeatures(const Features& features, int max_count) {
+  std::vector<std::size_t> order(features.keypoints.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return features.keypoints[a].scale > features.keypoints[b].scale;
+  });
+  order.resize(std::min<std::size_t>(order.size(), static_cast<std::size_t>(max_count)));
+  Features largest;
+  for (const std::size_t i : order) {
+    largest.keypoints.push_back(features.keypoints[i]);
+    const auto row = features.descriptors.begin() + static_cast<std::ptrdiff_t>(i * kDescriptorBytes);
+    largest.descriptors.insert(largest.descriptors.end(), row, row + kDescriptorBytes);
+  }
+  return largest;
+}
+
+}  // namespace sfm

@@ -1,0 +1,45 @@
+// Local features of a picture: where they are and what they look like.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace sfm {
+
+// Pixels of the full-size picture; the centre of the top-left pixel is (0.5, 0.5).
+struct Keypoint {
+  float x = 0, y = 0;
+  float scale = 1;  // radius of the blurred spot
+  float angle = 0;  // radians, from +x towards +y
+};
+
+constexpr int kDescriptorBytes = 128;
+
+struct Features {
+  std::vector<Keypoint> keypoints;
+  std::vector<std::uint8_t> descriptors;  // one row of kDescriptorBytes per keypoint
+};
+
+struct FeatureOptions {
+  int max_features = 2048;    // per picture, those of highest contrast
+  int max_image_size = 1600;  // longer side in pixels for detection; 0: full size
+  int threads = 1;
+};
+
+// SIFT features (Lowe, IJCV 2004; OpenCV's implementation, first octave at twice the detection size) with
+// RootSIFT descriptors (Arandjelovic and Zisserman, CVPR 2012): sqrt(d / |d|_1) * 512, as bytes. One entry
+// per name; a picture without texture has none. masks_folder: empty, or holds masks (io/image/mask.h), a.png
+// for a.jpg; only keypoints on used pixels are kept, and a picture without a mask is used whole. The result
+// does not depend on `threads`. Throws io::Error kBadInput naming the picture or mask that cannot be read, or
+// whose sizes differ.
+std::vector<Features> DetectFeatures(const std::filesystem::path& images_folder,
+                                     const std::vector<std::string>& names,
+                                     const std::filesystem::path& masks_folder,
+                                     const FeatureOptions& options);
+
+// The `max_count` features of largest scale, largest first.
+Features LargestFeatures(const Features& features, int max_count);
+
+}  // namespace sfm

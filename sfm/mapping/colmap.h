@@ -1,0 +1,72 @@
+// Runs the installed COLMAP step by step. Each step gets an argument vector, a wall-clock and an
+// address-space limit, and its product is verified: COLMAP exits 0 after skipping unreadable pictures or on a
+// full disk. Every process works with one thread, the only way in which COLMAP repeats itself bit for bit
+// (colmap/colmap#727); verification is spread over processes instead.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sfm/mapping/colmap_database.h"
+#include "sfm/mapping/colmap_options.h"
+
+namespace sfm {
+
+// The pictures of a capture, as COLMAP gets to know them. features[i] belongs to names[i].
+struct CapturedViews {
+  std::vector<std::string> names;
+  std::vector<CameraGroup> groups;
+  std::vector<Features> features;
+  std::string camera_model = "SIMPLE_RADIAL";
+};
+
+class Colmap {
+ public:
+  // work_folder: empty and private; receives database.db, sparse/ and colmap.log. Throws io::Error
+  // kMissingTool when COLMAP is not on PATH or lacks an option.
+  Colmap(std::filesystem::path work_folder, int threads);
+
+  // COLMAP's own SIFT on the CPU, as an alternative to DetectFeatures; beyond options.max_features, the
+  // largest ones. Throws kMissingTool when a picture did not reach the database.
+  std::vector<Features> ExtractFeatures(const std::filesystem::path& images_folder,
+                                        const std::vector<CameraGroup>& groups,
+                                        const std::vector<std::string>& names,
+                                        const FeatureOptions& options);
+
+  // Finds the two-view geometry of each pair and leaves views and geometries in database().
+  void VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches);
+
+  // Incremental mapping; the folders of all sub-models, none when COLMAP found no initial pair.
+  // images_folder: where points get their colours from; empty: they stay black. relaxed: starts from pairs
+  // with less overlap and baseline, and adds pictures on half the evidence.
+  std::vector<std::filesystem::path> Map(const std::filesystem::path& images_folder,
+                                         int n_pictures,
+                                         bool relaxed = false);
+
+  // One model of the pictures of both, which share some; nothing when COLMAP could not align them.
+  std::optional<std::filesystem::path> Merge(const std::filesystem::path& a, const std::filesystem::path& b);
+
+  const std::filesystem::path& database() const { return database_; }
+  double cpu_s() const { return cpu_s_; }
+  std::size_t peak_rss_bytes() const { return peak_rss_bytes_; }
+
+ private:
+  struct Step;
+  bool Run(const Step& step);
+  void CreateDatabase(const std::filesystem::path& path);
+  void VerifyShard(const CapturedViews& views, const std::vector<PairMatches>& shard, std::size_t index);
+
+  std::filesystem::path program_, work_folder_, database_, log_path_;
+  int threads_;
+  std::size_t memory_bytes_;
+  ColmapFlags flags_;
+  std::mutex mutex_;  // guards the two figures below
+  double cpu_s_ = 0;
+  std::size_t peak_rss_bytes_ = 0;
+};
+
+}  // namespace sfm

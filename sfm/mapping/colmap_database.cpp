@@ -1,0 +1,244 @@
+#include "sfm/mapping/colmap_database.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <map>
+
+#include "io/base/error.h"
+#include "sfm/mapping/sqlite.h"
+
+namespace sfm {
+namespace {
+
+// pair_id = kMaxImages * smaller image id + larger image id.
+constexpr std::int64_t kMaxImages = 2147483647;
+// TwoViewGeometry::ConfigurationType: 0 and 1 are failures; 4 planar, 5 panoramic, 6 one of the two.
+constexpr int kConfigDegenerate = 1, kConfigPlanar = 4, kConfigPlanarOrPanoramic = 6;
+constexpr double kFocalGuess = 1.2;  // of the longer side
+constexpr int kSensorTypeCamera = 0;
+
+std::string Text(sqlite3_stmt* row, int column) {
+  const unsigned char* text = sqlite3_column_text(row, column);
+  return text ? reinterpret_cast<const char*>(text) : "";
+}
+
+template <typename T>
+void BindBlob(sqlite3_stmt* statement, int parameter, const std::vector<T>& values) {
+  sqlite3_bind_blob(
+      statement, parameter, values.data(), static_cast<int>(values.size() * sizeof(T)), SQLITE_TRANSIENT);
+}
+
+// COLMAP's number of the model and its start values.
+std::pair<int, std::vector<double>> CameraParameters(const CameraGroup& group, const std::string& model) {
+  struct Model {
+    int id, focals, distortions;
+  };
+  static const std::map<std::string, Model> kModels = {{"SIMPLE_PINHOLE", {0, 1, 0}},
+                                                       {"PINHOLE", {1, 2, 0}},
+                                                       {"SIMPLE_RADIAL", {2, 1, 1}},
+                                                       {"RADIAL", {3, 1, 2}},
+                                                       {"OPENCV", {4, 2, 4}}};
+  const Model& entry = kModels.at(model);
+  const double focal =
+      group.focal_px > 0 ? group.focal_px : kFocalGuess * std::max(group.width, group.height);
+  std::vector<double> parameters(static_cast<std::size_t>(entry.focals), focal);
+  parameters.push_back(group.width / 2.0);
+  parameters.push_back(group.height / 2.0);
+  parameters.resize(parameters.size() + static_cast<std::size_t>(entry.distortions), 0.0);
+  return {entry.id, parameters};
+}
+
+void WriteCamera(const SqliteConnection& database,
+                 int id,
+                 const CameraGroup& group,
+                 const std::string& model) {
+  const auto [model_id, parameters] = CameraParameters(group, model);
+  database.Execute(
+      "INSERT INTO cameras(camera_id, model, width, height, params, prior_focal_length) VALUES(?,?,?,?,?,?)",
+      [&, model_id = model_id, &values = parameters](sqlite3_stmt* s) {
+        sqlite3_bind_int(s, 1, id);
+        sqlite3_bind_int(s, 2, model_id);
+        sqlite3_bind_int(s, 3, group.width);
+        sqlite3_bind_int(s, 4, group.height);
+        BindBlob(s, 5, values);
+        sqlite3_bind_int(s, 6, group.focal_px > 0);
+      });
+  if (!database.HasTable("rigs")) return;
+  database.Execute("INSERT INTO rigs(rig_id, ref_sensor_id, ref_sensor_type) VALUES(?,?,?)",
+                   [&](sqlite3_stmt* s) {
+                     sqlite3_bind_int(s, 1, id);
+                     sqlite3_bind_int(s, 2, id);
+                     sqlite3_bind_int(s, 3, kSensorTypeCamera);
+                   });
+}
+
+void WriteImage(const SqliteConnection& database,
+                int id,
+                int camera_id,
+                const std::string& name,
+                const Features& features) {
+  database.Execute("INSERT INTO images(image_id, name, camera_id) VALUES(?,?,?)", [&](sqlite3_stmt* s) {
+    sqlite3_bind_int(s, 1, id);
+    sqlite3_bind_text(s, 2, name.c_str(), -1, SQLITE_TRANSIENT);
+    sqlite3_bind_int(s, 3, camera_id);
+  });
+  static_assert(sizeof(Keypoint) == 4 * sizeof(float), "COLMAP's rows x, y, scale, orientation");
+  database.Execute("INSERT INTO keypoints(image_id, rows, cols, data) VALUES(?,?,4,?)", [&](sqlite3_stmt* s) {
+    sqlite3_bind_int(s, 1, id);
+    sqlite3_bind_int(s, 2, static_cast<int>(features.keypoints.size()));
+    BindBlob(s, 3, features.keypoints);
+  });
+  if (!database.HasTable("frames")) return;
+  database.Execute("INSERT INTO frames(frame_id, rig_id) VALUES(?,?)", [&](sqlite3_stmt* s) {
+    sqlite3_bind_int(s, 1, id);
+    sqlite3_bind_int(s, 2, camera_id);
+  });
+  database.Execute("INSERT INTO frame_data(frame_id, data_id, sensor_id, sensor_type) VALUES(?,?,?,?)",
+                   [&](sqlite3_stmt* s) {
+                     sqlite3_bind_int(s, 1, id);
+                     sqlite3_bind_int(s, 2, id);
+                     sqlite3_bind_int(s, 3, camera_id);
+                     sqlite3_bind_int(s, 4, kSensorTypeCamera);
+                   });
+}
+
+// x, y, scale, orientation, or x, y and a 2x2 affine shape whose determinant is the squared scale.
+std::vector<Keypoint> Keypoints(const SqliteConnection& database, sqlite3_stmt* row, int first_column) {
+  const int rows = sqlite3_column_int(row, first_column), cols = sqlite3_column_int(row, first_column + 1);
+  const int bytes = sqlite3_column_bytes(row, first_column + 2);
+  if (rows < 0 || cols < 2 || cols > 6 || bytes != rows * cols * static_cast<int>(sizeof(float))) {
+    database.Fail("keypoints of a picture do not have the stated size");
+  }
+  std::vector<float> values(static_cast<std::size_t>(rows) * cols);
+  if (!values.empty()) std::memcpy(values.data(), sqlite3_column_blob(row, first_column + 2), bytes);
+  std::vector<Keypoint> keypoints;
+  for (int i = 0; i < rows; ++i) {
+    const float* k = &values[static_cast<std::size_t>(i) * cols];
+    Keypoint keypoint{.x = k[0], .y = k[1]};
+    if (cols == 4) keypoint.scale = k[2], keypoint.angle = k[3];
+    if (cols == 6)
+      keypoint.scale = std::sqrt(std::abs(k[2] * k[5] - k[3] * k[4])),
+      keypoint.angle = std::atan2(k[4], k[2]);
+    keypoints.push_back(keypoint);
+  }
+  return keypoints;
+}
+
+}  // namespace
+
+void WritePictures(const std::filesystem::path& path,
+                   const std::vector<CameraGroup>& groups,
+                   const std::string& camera_model,
+                   const std::vector<std::string>& names,
+                   const std::vector<Features>& features) {
+  const SqliteConnection database(path);
+  database.Execute("BEGIN");
+  std::map<std::string, int> camera_ids;
+  int camera_id = 0;
+  for (const CameraGroup& group : groups) {
+    WriteCamera(database, ++camera_id, group, camera_model);
+    for (const std::string& name : group.names) camera_ids[name] = camera_id;
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    WriteImage(database, static_cast<int>(i) + 1, camera_ids.at(names[i]), names[i], features[i]);
+  }
+  database.Execute("COMMIT");
+}
+
+void WriteMatches(const std::filesystem::path& path,
+                  const std::vector<std::string>& names,
+                  const std::vector<PairMatches>& matches) {
+  const SqliteConnection database(path);
+  std::map<std::string, std::int64_t> ids;
+  database.ForEachRow("SELECT image_id, name FROM images",
+                      [&](sqlite3_stmt* row) { ids[Text(row, 1)] = sqlite3_column_int64(row, 0); });
+  database.Execute("BEGIN");
+  for (const PairMatches& pair : matches) {
+    const std::int64_t a = ids.at(names[static_cast<std::size_t>(pair.a)]),
+                       b = ids.at(names[static_cast<std::size_t>(pair.b)]);
+    std::vector<std::uint32_t> indices;
+    for (const auto& [in_a, in_b] : pair.matches) {
+      indices.push_back(static_cast<std::uint32_t>(a < b ? in_a : in_b));
+      indices.push_back(static_cast<std::uint32_t>(a < b ? in_b : in_a));
+    }
+    database.Execute("INSERT INTO matches(pair_id, rows, cols, data) VALUES(?,?,2,?)", [&](sqlite3_stmt* s) {
+      sqlite3_bind_int64(s, 1, kMaxImages * std::min(a, b) + std::max(a, b));
+      sqlite3_bind_int64(s, 2, static_cast<std::int64_t>(pair.matches.size()));
+      BindBlob(s, 3, indices);
+    });
+  }
+  database.Execute("COMMIT");
+}
+
+void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to) {
+  const SqliteConnection database(to);
+  database.Execute("ATTACH ? AS shard",
+                   [&](sqlite3_stmt* s) { sqlite3_bind_text(s, 1, from.c_str(), -1, SQLITE_TRANSIENT); });
+  database.Execute("INSERT INTO two_view_geometries SELECT * FROM shard.two_view_geometries");
+  database.Execute("DETACH shard");
+}
+
+std::vector<Features> ReadFeatures(const std::filesystem::path& path, const std::vector<std::string>& names) {
+  const SqliteConnection database(path);
+  std::map<std::string, Features> by_name;
+  database.ForEachRow(
+      "SELECT images.name, keypoints.rows, keypoints.cols, keypoints.data, descriptors.rows, "
+      "descriptors.cols, "
+      "descriptors.data FROM images LEFT JOIN keypoints ON keypoints.image_id = images.image_id "
+      "LEFT JOIN descriptors ON descriptors.image_id = images.image_id",
+      [&](sqlite3_stmt* row) {
+        Features& features = by_name[Text(row, 0)];
+        if (sqlite3_column_int(row, 1) <= 0) return;
+        features.keypoints = Keypoints(database, row, 1);
+        const int rows = static_cast<int>(features.keypoints.size());
+        if (sqlite3_column_int(row, 4) != rows || sqlite3_column_int(row, 5) != kDescriptorBytes ||
+            sqlite3_column_bytes(row, 6) != rows * kDescriptorBytes) {
+          database.Fail("descriptors of " + Text(row, 0) + " do not have the stated size");
+        }
+        const auto* bytes = static_cast<const std::uint8_t*>(sqlite3_column_blob(row, 6));
+        features.descriptors.assign(bytes, bytes + sqlite3_column_bytes(row, 6));
+      });
+  std::vector<Features> result;
+  for (const std::string& name : names) {
+    const auto found = by_name.find(name);
+    if (found == by_name.end()) {
+      throw io::Error(io::ExitCode::kMissingTool,
+                      "colmap feature_extractor reported success but skipped " + name);
+    }
+    result.push_back(std::move(found->second));
+  }
+  return result;
+}
+
+std::vector<VerifiedPair> ReadVerifiedPairs(const std::filesystem::path& path) {
+  const SqliteConnection database(path);
+  std::map<std::int64_t, std::string> names;
+  database.ForEachRow("SELECT image_id, name FROM images",
+                      [&](sqlite3_stmt* row) { names[sqlite3_column_int64(row, 0)] = Text(row, 1); });
+  std::vector<VerifiedPair> pairs;
+  database.ForEachRow(
+      "SELECT pair_id, rows, config, data FROM two_view_geometries WHERE rows > 0 ORDER BY pair_id",
+      [&](sqlite3_stmt* row) {
+        const std::int64_t pair_id = sqlite3_column_int64(row, 0);
+        const int inliers = sqlite3_column_int(row, 1), config = sqlite3_column_int(row, 2);
+        if (config <= kConfigDegenerate) return;
+        const auto a = names.find(pair_id / kMaxImages), b = names.find(pair_id % kMaxImages);
+        if (a == names.end() || b == names.end()) database.Fail("a pair refers to a missing image");
+        std::vector<std::array<std::uint32_t, 2>> indices(static_cast<std::size_t>(inliers));
+        if (sqlite3_column_bytes(row, 3) != static_cast<int>(indices.size() * sizeof indices[0])) {
+          database.Fail("inliers of " + a->second + " and " + b->second + " do not have the stated size");
+        }
+        std::memcpy(indices.data(), sqlite3_column_blob(row, 3), indices.size() * sizeof indices[0]);
+        const bool flat = config >= kConfigPlanar && config <= kConfigPlanarOrPanoramic;
+        pairs.push_back(
+            {a->second, b->second, inliers, flat ? PairGeometry::kPlanarOrRotation : PairGeometry::kGeneral});
+        for (const auto& [in_a, in_b] : indices) {
+          pairs.back().matches.push_back({static_cast<int>(in_a), static_cast<int>(in_b)});
+        }
+      });
+  return pairs;
+}
+
+}  // namespace sfm

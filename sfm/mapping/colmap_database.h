@@ -1,0 +1,60 @@
+// COLMAP's SQLite database: features and matches go in, verified pairs come out. Contents are checked when
+// read: COLMAP skips unreadable pictures and exits 0. Schema: https://colmap.github.io/database.html, equal
+// from 3.8 to 4.x in the columns used here; the rigs and frames of 3.12 and later are filled in trivially
+// where the tables exist.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "sfm/features/features.h"
+#include "sfm/features/matching.h"
+
+namespace sfm {
+
+// Pictures that share one camera: same size, same lens setting.
+struct CameraGroup {
+  std::vector<std::string> names;
+  int width = 0, height = 0;
+  double focal_px = 0;  // 0: unknown, 1.2 times the longer side is the start value (COLMAP's guess)
+};
+
+// COLMAP's class of a verified pair, as far as it matters here.
+enum class PairGeometry { kGeneral, kPlanarOrRotation };
+
+struct VerifiedPair {
+  std::string name_a, name_b;
+  int inliers = 0;
+  PairGeometry geometry = PairGeometry::kGeneral;
+  std::vector<std::array<int, 2>> matches;  // the inliers, as keypoints of a and of b
+};
+
+// All functions throw io::Error kBadState when the file is not such a database or contradicts itself.
+
+// Adds cameras, pictures and keypoints to an empty database; features[i] belongs to names[i], and every name
+// is in one group. camera_model: COLMAP's name, see io/scene/colmap_model.h.
+void WritePictures(const std::filesystem::path& database,
+                   const std::vector<CameraGroup>& groups,
+                   const std::string& camera_model,
+                   const std::vector<std::string>& names,
+                   const std::vector<Features>& features);
+
+// Adds matches that are still to be verified; PairMatches::a and b are indices of `names`.
+void WriteMatches(const std::filesystem::path& database,
+                  const std::vector<std::string>& names,
+                  const std::vector<PairMatches>& matches);
+
+// Appends the verified geometries of one database to another one with the same pictures.
+void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to);
+
+// Keypoints and descriptors that COLMAP extracted; one entry per name, empty for a picture without features.
+// Throws kMissingTool naming a picture that the database lacks.
+std::vector<Features> ReadFeatures(const std::filesystem::path& database,
+                                   const std::vector<std::string>& names);
+
+// Pairs with a verified two-view geometry.
+std::vector<VerifiedPair> ReadVerifiedPairs(const std::filesystem::path& database);
+
+}  // namespace sfm

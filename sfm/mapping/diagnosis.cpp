@@ -1,0 +1,264 @@
+#include "sfm/mapping/diagnosis.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "io/base/format.h"
+#include "io/base/median.h"
+
+namespace sfm {
+namespace {
+
+using io::Format;
+
+// COLMAP's mapper registers a picture by at least 30 points and needs 15 inliers for a pair; a picture with
+// fewer features than this rarely gives both.
+constexpr int kFewFeatures = 100;
+constexpr int kFewInliers = 30;
+// Where more of the pictures than this are linked by matches, lack of overlap does not explain the failure.
+constexpr double kMaxUnexplainedShare = 0.8;
+// SIFT on a sharp picture finds most features below 3 px; blur removes exactly those.
+constexpr double kBlurredScalePx = 4.0;
+// COLMAP triangulates from 1.5 degrees. Where half of all points stay this close to that limit, depth is
+// noise.
+constexpr double kMinMedianAngleDeg = 2.0;
+// Measured: 1.00 for a camera that turns, 0.65 for a walk around a nearly flat subject, below 0.1 for solid
+// ones.
+constexpr double kMaxHomographyShare = 0.95;
+// Well above the noise of angles in a folded model, and reached by every capture that surrounds its subject.
+constexpr double kWideAngleDeg = 5.0;
+// Half a pixel of noise spreads a line of points by less than 1/100 of its length in a picture that it
+// crosses.
+constexpr double kMinLineRatio = 0.02;
+// COLMAP drops observations beyond 4 px; a good model stays below 1.
+constexpr double kMaxMeanErrorPx = 3.0;
+
+int MostInliers(const std::string& name, const std::vector<VerifiedPair>& pairs) {
+  int most = 0;
+  for (const VerifiedPair& pair : pairs) {
+    if (pair.name_a == name || pair.name_b == name) most = std::max(most, pair.inliers);
+  }
+  return most;
+}
+
+// How many pictures are linked, directly or through others, to the one that is linked to most.
+int LargestLinkedGroup(const CaptureEvidence& evidence) {
+  std::map<std::string, std::string> parent;  // towards the group's representative, its own parent
+  for (const PictureFeatures& picture : evidence.features) parent[picture.name] = picture.name;
+  const auto root = [&](std::string name) {
+    while (parent[name] != name) name = parent[name] = parent[parent[name]];
+    return name;
+  };
+  for (const VerifiedPair& pair : evidence.pairs) {
+    if (pair.inliers >= kFewInliers) parent[root(pair.name_a)] = root(pair.name_b);
+  }
+  std::map<std::string, int> sizes;
+  int largest = 0;
+  for (const PictureFeatures& picture : evidence.features) {
+    largest = std::max(largest, ++sizes[root(picture.name)]);
+  }
+  return largest;
+}
+
+double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
+}
+
+// Directions from the point to the cameras that observe it, in the order of frame_indices.
+std::vector<Eigen::Vector3d> Rays(const io::Scene& scene, const io::Point3D& point) {
+  std::vector<Eigen::Vector3d> rays;
+  for (const int frame : point.frame_indices) {
+    rays.push_back(
+        (scene.frames[static_cast<std::size_t>(frame)].world_from_cam.translation - point.xyz).normalized());
+  }
+  return rays;
+}
+
+std::string NoBaselineCause(double share) {
+  return Format(
+      "no baseline: in %.0f %% of the picture pairs a pure rotation (or one flat surface) explains "
+      "everything, so depth "
+      "cannot be measured; walk around the subject instead of turning on the spot",
+      100 * share);
+}
+
+}  // namespace
+
+std::vector<PictureFeatures> Summaries(const std::vector<std::string>& names,
+                                       const std::vector<Features>& features) {
+  std::vector<PictureFeatures> summaries;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    std::vector<double> scales;
+    for (const Keypoint& keypoint : features[i].keypoints) scales.push_back(keypoint.scale);
+    summaries.push_back({names[i], static_cast<int>(scales.size()), io::Median(scales)});
+  }
+  return summaries;
+}
+
+double MedianTriangulationAngleDeg(const io::Scene& scene) {
+  std::vector<double> angles;
+  for (const io::Point3D& point : scene.points) {
+    const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
+    double widest = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      for (std::size_t j = i + 1; j < rays.size(); ++j) widest = std::max(widest, AngleDeg(rays[i], rays[j]));
+    }
+    angles.push_back(widest);
+  }
+  return io::Median(angles);
+}
+
+double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  std::map<std::pair<int, int>, std::vector<double>> angles;
+  for (const io::Point3D& point : scene.points) {
+    const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      for (std::size_t j = 0; j < rays.size(); ++j) {
+        const int a = point.frame_indices[i], b = point.frame_indices[j];
+        if (a < b) angles[{a, b}].push_back(AngleDeg(rays[i], rays[j]));
+      }
+    }
+  }
+  std::map<std::string, int> frame_index;
+  for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+    frame_index[scene.frames[i].image_path.string()] = static_cast<int>(i);
+  }
+  std::vector<VerifiedPair> wide;
+  for (const VerifiedPair& pair : pairs) {
+    const auto a = frame_index.find(pair.name_a), b = frame_index.find(pair.name_b);
+    if (a == frame_index.end() || b == frame_index.end()) continue;
+    const auto seen = angles.find(std::minmax(a->second, b->second));
+    if (seen != angles.end() && io::Median(seen->second) > kWideAngleDeg) wide.push_back(pair);
+  }
+  return HomographyShare(wide);
+}
+
+double HomographyShare(const std::vector<VerifiedPair>& pairs) {
+  int supported = 0, explained = 0;
+  for (const VerifiedPair& pair : pairs) {
+    if (pair.inliers < kFewInliers) continue;
+    ++supported;
+    explained += pair.geometry == PairGeometry::kPlanarOrRotation;
+  }
+  return supported == 0 ? 0.0 : static_cast<double>(explained) / supported;
+}
+
+double LineRatio(const io::Scene& scene) {
+  if (scene.points.empty()) return 1;
+  Eigen::Vector3d median;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const io::Point3D& point : scene.points) values.push_back(point.xyz[axis]);
+    median[axis] = io::Median(std::move(values));
+  }
+  std::vector<Eigen::Vector3d> offsets;
+  for (const io::Point3D& point : scene.points) offsets.push_back(point.xyz - median);
+  std::sort(offsets.begin(), offsets.end(), [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    return a.squaredNorm() < b.squaredNorm();
+  });
+  offsets.resize((offsets.size() + 1) / 2);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& offset : offsets) scatter += offset * offset.transpose();
+  const Eigen::Vector3d eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  return eigenvalues[2] > 0 ? std::sqrt(std::max(0.0, eigenvalues[1]) / eigenvalues[2]) : 0;
+}
+
+std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence) {
+  const int registered = static_cast<int>(model.scene.frames.size());
+  if (registered < kMinPictures || model.scene.points.empty()) return FailureCause(evidence, registered);
+  const double share = FoldedShare(model.scene, evidence.pairs);
+  if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  const double angle = MedianTriangulationAngleDeg(model.scene);
+  if (angle < kMinMedianAngleDeg) {
+    return Format(
+        "no baseline: rays to the same point differ by only %.2f degrees (median; %.1f are needed); move the "
+        "camera "
+        "further between pictures",
+        angle,
+        kMinMedianAngleDeg);
+  }
+  const double line = LineRatio(model.scene);
+  if (line < kMinLineRatio) {
+    return Format(
+        "no consistent model: all points lie on one line (spread across it %.3f of that along it), about "
+        "which "
+        "the cameras could turn freely; show more of the scene",
+        line);
+  }
+  if (!(model.mean_reprojection_error_px < kMaxMeanErrorPx)) {
+    return Format(
+        "no consistent model: points miss their pictures by %.1f px on average (at most %.0f are accepted)",
+        model.mean_reprojection_error_px,
+        kMaxMeanErrorPx);
+  }
+  return std::nullopt;
+}
+
+std::string FailureCause(const CaptureEvidence& evidence, int registered) {
+  const int n = static_cast<int>(evidence.features.size());
+  if (n < kMinPictures) {
+    return Format("too few pictures: %d; at least %d are needed, 30 or more are better", n, kMinPictures);
+  }
+  std::vector<int> counts;
+  std::vector<double> scales;
+  int poor = 0;
+  for (const PictureFeatures& picture : evidence.features) {
+    counts.push_back(picture.count);
+    if (picture.count > 0) scales.push_back(picture.median_scale_px);
+    poor += picture.count < kFewFeatures;
+  }
+  const bool blurred = io::Median(scales) > kBlurredScalePx;
+  if (blurred && 2 * poor > n) {
+    return Format(
+        "blur: %d of %d pictures have no fine detail (median feature size %.1f px); use more light, a faster "
+        "shutter or a steadier hand",
+        poor,
+        n,
+        io::Median(scales));
+  }
+  if (2 * poor > n) {
+    return Format(
+        "no texture: %d of %d pictures show fewer than %d features (median %d); put textured objects or a "
+        "newspaper into the scene",
+        poor,
+        n,
+        kFewFeatures,
+        io::Median(counts));
+  }
+  const double share = HomographyShare(evidence.pairs);
+  if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  const int linked = LargestLinkedGroup(evidence);
+  if (linked > kMaxUnexplainedShare * n) {
+    return Format(
+        "no consistent model: %d of %d pictures are linked by matches, but only %d fit together; mask what "
+        "moves, and walk sideways or around the subject rather than straight ahead",
+        linked,
+        n,
+        registered);
+  }
+  return Format(
+      "no overlap: only %d of %d pictures form one model (the largest group linked by matches has %d); take "
+      "pictures that share at least two thirds of their view with the next one",
+      registered,
+      n,
+      linked);
+}
+
+std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence) {
+  for (const PictureFeatures& picture : evidence.features) {
+    if (picture.name == name && picture.count < kFewFeatures) {
+      return picture.count > 0 && picture.median_scale_px > kBlurredScalePx
+                 ? Format("blur: %d features, median size %.1f px", picture.count, picture.median_scale_px)
+                 : Format("no texture: %d features", picture.count);
+    }
+  }
+  const int inliers = MostInliers(name, evidence.pairs);
+  if (inliers < kFewInliers) return Format("no overlap: its best pair shares %d matches", inliers);
+  return Format("no consistent model: %d matches with another picture, but too few agree with the model",
+                inliers);
+}
+
+}  // namespace sfm

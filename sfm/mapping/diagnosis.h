@@ -1,0 +1,58 @@
+// Why a capture, or one picture of it, could not be reconstructed. Every message begins with one named cause:
+// "too few pictures", "no texture", "blur", "no overlap", "no baseline" or "no consistent model".
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/scene/colmap_model.h"
+#include "sfm/mapping/colmap_database.h"
+
+namespace sfm {
+
+// Fewer pictures give no third view to confirm a point.
+constexpr int kMinPictures = 3;
+
+struct PictureFeatures {
+  std::string name;
+  int count = 0;
+  double median_scale_px = 0;  // of the features; large in blurred pictures, where fine detail is gone
+};
+
+std::vector<PictureFeatures> Summaries(const std::vector<std::string>& names,
+                                       const std::vector<Features>& features);
+
+struct CaptureEvidence {
+  std::vector<PictureFeatures> features;  // of every picture
+  std::vector<VerifiedPair> pairs;
+};
+
+// Median over the points of the widest angle (degrees) between two rays that observe the point; 0 without
+// points.
+double MedianTriangulationAngleDeg(const io::Scene& scene);
+
+// Share, in [0, 1], of the well supported pairs that a homography alone explains: near 1 when the camera only
+// turned, or when all there is to see is one plane. 0 without such pairs.
+double HomographyShare(const std::vector<VerifiedPair>& pairs);
+
+// The same share among the pairs that, in this model, see their common points at more than 5 degrees
+// (median). A model folded out of a pure rotation claims parallax that none of its pairs shows. 0 without
+// such pairs.
+double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs);
+
+// How wide the points spread across the line that fits them best, over how far they spread along it: root
+// mean squares over the half of the points nearest to their median. 0 for points on one line, about 1 for a
+// ball. The rotation about such a line cannot be seen. 1 without points.
+double LineRatio(const io::Scene& scene);
+
+// A cause when the model must not be used: too few pictures, rays that hardly diverge, large errors.
+std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence);
+
+// The cause when no model, or only one of `registered` pictures, was found.
+std::string FailureCause(const CaptureEvidence& evidence, int registered);
+
+// Why the picture is missing from the model.
+std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence);
+
+}  // namespace sfm

@@ -1,0 +1,46 @@
+// One pass through COLMAP: matches are verified and mapped, and what came out is read.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/scene/colmap_model.h"
+#include "sfm/features/matching.h"
+#include "sfm/features/picture.h"
+#include "sfm/mapping/colmap.h"
+#include "sfm/mapping/diagnosis.h"
+
+namespace sfm {
+
+struct MappingAttempt {
+  // What it was made from: a later attempt may have other keypoints.
+  std::shared_ptr<const CapturedViews> views;
+  std::vector<PairMatches> matches;
+  CaptureEvidence evidence;
+  std::vector<io::ColmapModel> models;  // largest first
+  std::filesystem::path database, log;
+  double verifying_s = 0, mapping_s = 0;  // wall
+  double cpu_s = 0;
+  std::size_t peak_rss_bytes = 0;
+
+  int Registered() const { return models.empty() ? 0 : static_cast<int>(models.front().scene.frames.size()); }
+};
+
+// One camera per group and size: a camera shared by pictures of different sizes is refused by COLMAP.
+std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures);
+
+std::vector<std::string> Names(const std::vector<Picture>& pictures);
+
+// folder: private. images_folder: see Colmap::Map. Models that share at least 3 pictures are merged when the
+// union fits as well. Pairs with fewer than 15 matches are left out, as COLMAP would.
+MappingAttempt Attempt(const std::vector<Picture>& pictures,
+                       std::shared_ptr<const CapturedViews> views,
+                       std::vector<PairMatches> matches,
+                       const std::filesystem::path& images_folder,
+                       const std::filesystem::path& folder,
+                       bool relaxed,
+                       int threads);
+
+}  // namespace sfm

@@ -1,0 +1,180 @@
+#include "sfm/scene/undistort.h"
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "io/base/check.h"
+#include "io/base/error.h"
+#include "io/base/parallel.h"
+#include "io/image/image.h"
+#include "io/image/mask.h"
+
+namespace sfm {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Between two samples of the border a smooth distortion deviates from a line by far less than a pixel.
+constexpr int kBorderSamples = 200;
+
+// Where each pixel centre of the pinhole camera comes from, in OpenCV's coordinates (pixel centres at
+// integers).
+struct PixelMap {
+  io::Camera camera;
+  cv::Mat x, y;
+};
+
+PixelMap MapToPinhole(const io::Camera& camera) {
+  const io::Camera pinhole = PinholeCamera(camera);
+  PixelMap map{
+      camera, cv::Mat(pinhole.height, pinhole.width, CV_32F), cv::Mat(pinhole.height, pinhole.width, CV_32F)};
+  for (int row = 0; row < pinhole.height; ++row) {
+    for (int column = 0; column < pinhole.width; ++column) {
+      const auto ray = io::RayFromImg(pinhole, {column + 0.5, row + 0.5});
+      const auto source = io::ImgFromCam(camera, *ray);
+      map.x.at<float>(row, column) = static_cast<float>(source->x() - 0.5);
+      map.y.at<float>(row, column) = static_cast<float>(source->y() - 0.5);
+    }
+  }
+  return map;
+}
+
+// One map per thread: a scene may have a camera per picture, and neighbours usually share theirs.
+const PixelMap& CachedMapToPinhole(const io::Camera& camera) {
+  thread_local PixelMap map;
+  if (map.camera != camera) map = MapToPinhole(camera);
+  return map;
+}
+
+// Colours of transparent pixels mean nothing, so RGBA is resampled premultiplied and returned straight.
+void ScaleColourByAlpha(cv::Mat* rgba, bool premultiply) {
+  rgba->forEach<cv::Vec4f>([premultiply](cv::Vec4f& p, const int*) {
+    const float alpha = p[3] / 255.f;
+    const float factor = premultiply ? alpha : alpha > 0 ? 1 / alpha : 0.f;
+    for (int c = 0; c < 3; ++c) p[c] *= factor;
+  });
+}
+
+io::Image Resample(const io::Image& image, const PixelMap& map) {
+  const int type = CV_8UC(image.channels);
+  const cv::Mat source(image.height, image.width, type, const_cast<std::uint8_t*>(image.data.data()));
+  io::Image result = io::MakeImage(map.x.cols, map.x.rows, image.channels);
+  cv::Mat target(result.height, result.width, type, result.data.data());
+  if (image.channels == 3) {
+    cv::remap(source, target, map.x, map.y, cv::INTER_LANCZOS4, cv::BORDER_REPLICATE);
+  } else {
+    cv::Mat premultiplied, resampled;
+    source.convertTo(premultiplied, CV_32F);
+    ScaleColourByAlpha(&premultiplied, true);
+    cv::remap(premultiplied, resampled, map.x, map.y, cv::INTER_LANCZOS4, cv::BORDER_REPLICATE);
+    ScaleColourByAlpha(&resampled, false);
+    resampled.convertTo(target, CV_8U);
+  }
+  PIPELINE_CHECK(target.data == result.data.data());
+  return result;
+}
+
+io::Mask Resample(const io::Mask& mask, const PixelMap& map) {
+  const cv::Mat source(mask.height, mask.width, CV_8U, const_cast<std::uint8_t*>(mask.used.data()));
+  io::Mask result{map.x.cols, map.x.rows, std::vector<std::uint8_t>(map.x.total())};
+  cv::Mat target(result.height, result.width, CV_8U, result.used.data());
+  cv::remap(source, target, map.x, map.y, cv::INTER_NEAREST, cv::BORDER_CONSTANT, 0);
+  PIPELINE_CHECK(target.data == result.used.data());
+  return result;
+}
+
+// Names inside the target folder, one per frame, without repetition.
+std::vector<std::string> TargetNames(const io::Scene& scene) {
+  std::vector<std::string> names;
+  std::set<std::string> stems;
+  for (const io::Frame& frame : scene.frames) {
+    const bool resampled = scene.cameras[static_cast<std::size_t>(frame.camera_index)].HasDistortion();
+    const std::string extension = resampled ? ".png" : frame.image_path.extension().string();
+    const std::string original = frame.image_path.stem().string();
+    std::string stem = original;
+    for (int i = 2; !stems.insert(stem).second; ++i) stem = original + "_" + std::to_string(i);
+    names.push_back(stem + extension);
+  }
+  return names;
+}
+
+void WriteFrame(const io::Camera& camera, const fs::path& source, const fs::path& target) {
+  const io::Image image = io::ReadImage(source);
+  if (image.width != camera.width || image.height != camera.height) {
+    throw io::Error(io::ExitCode::kBadInput,
+                    source.string() + ": is " + std::to_string(image.width) + "x" +
+                        std::to_string(image.height) + " but its camera is " + std::to_string(camera.width) +
+                        "x" + std::to_string(camera.height),
+                    "Use the pictures that the poses were made from");
+  }
+  if (camera.HasDistortion()) {
+    io::WriteImage(target, Resample(image, CachedMapToPinhole(camera)));
+  } else {
+    fs::copy_file(source, target, fs::copy_options::overwrite_existing);
+  }
+}
+
+void WriteFrameMask(const io::Camera& camera, const fs::path& source, const fs::path& target) {
+  const io::Mask mask = io::ReadMask(source, camera.width, camera.height);
+  io::WriteMask(target, camera.HasDistortion() ? Resample(mask, CachedMapToPinhole(camera)) : mask);
+}
+
+}  // namespace
+
+io::Camera PinholeCamera(const io::Camera& camera) {
+  if (!camera.HasDistortion()) return camera;
+  // Half extents, as tangents, of the largest centred rectangle inside the undistorted border.
+  double left = HUGE_VAL, right = HUGE_VAL, top = HUGE_VAL, bottom = HUGE_VAL;
+  const auto tangents = [&](double x, double y) {
+    const auto ray = io::RayFromImg(camera, {x, y});
+    if (!ray) {
+      throw io::Error(io::ExitCode::kBadInput,
+                      "the lens distortion (k1 " + std::to_string(camera.k1) + ", k2 " +
+                          std::to_string(camera.k2) + ") folds back inside the picture",
+                      "The camera parameters are wrong; reconstruct the poses again");
+    }
+    return Eigen::Vector2d(ray->x() / -ray->z(), ray->y() / ray->z());  // y down
+  };
+  for (int i = 0; i <= kBorderSamples; ++i) {
+    const double x = camera.width * static_cast<double>(i) / kBorderSamples;
+    const double y = camera.height * static_cast<double>(i) / kBorderSamples;
+    left = std::min(left, -tangents(0, y).x());
+    right = std::min(right, tangents(camera.width, y).x());
+    top = std::min(top, -tangents(x, 0).y());
+    bottom = std::min(bottom, tangents(x, camera.height).y());
+  }
+  const double half_width = std::min(left, right) * camera.fl_x,
+               half_height = std::min(top, bottom) * camera.fl_y;
+  if (!(half_width > 0) || !(half_height > 0)) {
+    throw io::Error(io::ExitCode::kBadInput, "a camera's principal point lies outside its picture");
+  }
+  const double zoom = std::max(camera.width / (2 * half_width), camera.height / (2 * half_height));
+  return {.width = camera.width,
+          .height = camera.height,
+          .fl_x = camera.fl_x * zoom,
+          .fl_y = camera.fl_y * zoom,
+          .cx = camera.width / 2.0,
+          .cy = camera.height / 2.0};
+}
+
+io::Scene UndistortScene(const io::Scene& scene, const fs::path& folder, int threads) {
+  io::Scene result = scene;
+  std::transform(scene.cameras.begin(), scene.cameras.end(), result.cameras.begin(), PinholeCamera);
+  fs::create_directories(folder / "images");
+  const std::vector<std::string> names = TargetNames(scene);
+  io::ParallelFor(scene.frames.size(), threads, [&](std::size_t i) {
+    const io::Frame& source = scene.frames[i];
+    io::Frame& target = result.frames[i];
+    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(source.camera_index)];
+    target.image_path = fs::absolute(folder) / "images" / names[i];
+    WriteFrame(camera, source.image_path, target.image_path);
+    if (source.mask_path.empty()) return;
+    target.mask_path = fs::absolute(folder) / "masks" / fs::path(names[i]).replace_extension(".png");
+    WriteFrameMask(camera, source.mask_path, target.mask_path);
+  });
+  return result;
+}
+
+}  // namespace sfm

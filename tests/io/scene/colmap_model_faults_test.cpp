@@ -1,0 +1,153 @@
+// Damaged COLMAP models: each fault by name, and a mutation loop.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/scene/colmap_model.h"
+#include "tests/support/small_colmap_model.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+void ExpectError(const fs::path& folder, io::ExitCode code, const std::string& words) {
+  try {
+    io::ReadColmapModel(folder);
+    FAIL() << "accepted, expected: " << words;
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.code(), code) << error.what();
+    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+  }
+}
+
+TEST(ColmapModelFaults, EachFaultIsNamed) {
+  using Records = io::ColmapRecords;
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::pair<std::string, std::function<void(Records*)>>> faults = {
+      {"camera 7 appears twice", [](Records* r) { r->cameras[1].id = 7; }},
+      {"camera 7 has the size 0x480", [](Records* r) { r->cameras[0].width = 0; }},
+      {"camera 3 has the size", [](Records* r) { r->cameras[1].height = std::uint64_t{1} << 40; }},
+      {"camera 7 has a focal length that is not positive", [](Records* r) { r->cameras[0].params[0] = -5; }},
+      {"camera 3 has a parameter that is not finite", [](Records* r) { r->cameras[1].params[4] = kNan; }},
+      {"image 11 has a pose that is not finite", [](Records* r) { r->images[0].quaternion_wxyz[0] = kNan; }},
+      {"image 5 has a quaternion", [](Records* r) { r->images[1].quaternion_wxyz = {}; }},
+      {"image 6 has a pose that is not finite", [](Records* r) { r->images[2].translation[1] = HUGE_VAL; }},
+      {"refers to the missing camera 9", [](Records* r) { r->images[0].camera_id = 9; }},
+      {"image 11 appears twice", [](Records* r) { r->images[2].id = 11; }},
+      {"the name 'view 2.png' appears twice", [](Records* r) { r->images[2].name = "view 2.png"; }},
+      {"unsafe name", [](Records* r) { r->images[0].name = "../x.png"; }},
+      {"unsafe name", [](Records* r) { r->images[0].name = "/etc/x.png"; }},
+      {"point 100 is not finite", [](Records* r) { r->points[0].xyz[2] = kNan; }},
+      {"point 107 appears twice", [](Records* r) { r->points[2].id = 107; }},
+      {"refers to the missing image 99", [](Records* r) { r->points[0].track[0].image_id = 99; }},
+      {"which does not refer back", [](Records* r) { r->points[0].track[0].feature_index = 0; }},
+      {"which does not refer back", [](Records* r) { r->points[0].track[0].feature_index = 1000; }},
+      {"refers to points 8 times", [](Records* r) { r->points[3].track.pop_back(); }},
+      {"refers to points 9 times", [](Records* r) { r->images[0].features[0].point_id = 4711; }},
+      {"has a feature that is not finite", [](Records* r) { r->images[0].features[1].x = kNan; }},
+  };
+  for (const auto& [words, damage] : faults) {
+    const TempDir folder;
+    io::ColmapRecords records = SmallModel();
+    damage(&records);
+    WriteBinary(records, folder.path());
+    ExpectError(folder.path(), io::ExitCode::kBadState, words);
+  }
+  EXPECT_EQ(faults.size(), 21u);
+}
+
+TEST(ColmapModelFaults, CountsAreCheckedBeforeAllocation) {
+  for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    for (const std::uint64_t count : {std::uint64_t{1000}, std::uint64_t{1} << 60, std::uint64_t{1} << 62}) {
+      const TempDir folder;
+      WriteBinary(SmallModel(), folder.path());
+      std::string bytes = io::ReadFile(folder.path() / file);
+      std::memcpy(bytes.data(), &count, sizeof count);
+      WriteText(folder.path() / file, bytes);
+      ExpectError(folder.path(), io::ExitCode::kBadState, file);
+    }
+  }
+}
+
+TEST(ColmapModelFaults, TruncatedAndPaddedFilesAreRefusedAtEveryLength) {
+  int cases = 0;
+  for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    const TempDir folder;
+    WriteBinary(SmallModel(), folder.path());
+    const std::string bytes = io::ReadFile(folder.path() / file);
+    for (std::size_t size = 0; size < bytes.size(); ++size, ++cases) {
+      WriteText(folder.path() / file, bytes.substr(0, size));
+      EXPECT_THROW(io::ReadColmapModel(folder.path()), io::Error) << file << " cut to " << size;
+    }
+    WriteText(folder.path() / file, bytes + "x");
+    ExpectError(folder.path(), io::ExitCode::kBadState, "1 bytes after its last record");
+  }
+  EXPECT_GT(cases, 700);
+}
+
+TEST(ColmapModelFaults, UnsupportedAndUndefinedCameraModels) {
+  const TempDir folder;
+  io::ColmapRecords records = SmallModel();
+  records.cameras[1].model = "OPENCV_FISHEYE";
+  WriteBinary(records, folder.path());
+  ExpectError(folder.path(), io::ExitCode::kBadInput, "Undistort first");
+  std::string bytes = io::ReadFile(folder.path() / "cameras.bin");
+  bytes[12] = 99;
+  WriteText(folder.path() / "cameras.bin", bytes);
+  ExpectError(folder.path(), io::ExitCode::kBadState, "camera 7 has the undefined model number 99");
+}
+
+TEST(ColmapModelFaults, TextFaults) {
+  const TempDir folder;
+  WriteText(SmallModel(), folder.path());
+  const std::string cameras = io::ReadFile(folder.path() / "cameras.txt");
+  WriteText(folder.path() / "cameras.txt", cameras + "8 SIMPLE_RADIAL 640 480 500 320 240\n");
+  ExpectError(folder.path(), io::ExitCode::kBadState, "camera 8 has 3 parameters, SIMPLE_RADIAL needs 4");
+  WriteText(folder.path() / "cameras.txt", cameras + "8 MAGIC 640 480 500\n");
+  ExpectError(folder.path(), io::ExitCode::kBadState, "camera 8 has the undefined model 'MAGIC'");
+  WriteText(folder.path() / "cameras.txt", cameras + "8 PINHOLE -640 480 500 500 320 240\n");
+  ExpectError(folder.path(), io::ExitCode::kBadState, "line 4: '-640' is not a number in range");
+  WriteText(folder.path() / "cameras.txt", cameras + "8 PINHOLE 640\n");
+  ExpectError(folder.path(), io::ExitCode::kBadState, "line 4 ends too early");
+}
+
+TEST(ColmapModelFaults, DamagedBytesNeverDoMoreThanThrow) {
+  const TempDir folders[2];
+  WriteBinary(SmallModel(), folders[0].path());
+  WriteText(SmallModel(), folders[1].path());
+  std::mt19937 random(7);
+  int parsed = 0, refused = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const fs::path& folder = folders[i % 2].path();
+    const char* stems[] = {"cameras", "images", "points3D"};
+    const fs::path file = folder / (std::string(stems[random() % 3]) + (i % 2 == 0 ? ".bin" : ".txt"));
+    const std::string intact = io::ReadFile(file);
+    std::string bytes = intact;
+    for (unsigned flips = 1 + random() % 3; flips > 0; --flips) {
+      bytes[random() % bytes.size()] = static_cast<char>(random());
+    }
+    if (random() % 4 == 0) bytes.resize(random() % bytes.size());
+    WriteText(file, bytes);
+    try {
+      const io::ColmapModel model = io::ReadColmapModel(folder);
+      for (const io::Frame& frame : model.scene.frames) {
+        EXPECT_TRUE(frame.world_from_cam.translation.allFinite());
+      }
+      ++parsed;
+    } catch (const io::Error&) {
+      ++refused;
+    }
+    WriteText(file, intact);
+  }
+  EXPECT_EQ(parsed + refused, 3000);
+  EXPECT_GT(parsed, 100);
+  EXPECT_GT(refused, 1000);
+}
+
+}  // namespace

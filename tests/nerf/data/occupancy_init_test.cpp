@@ -1,0 +1,177 @@
+// What pictures alone say about empty space: hulls of masks, frusta, and the pixels that can show anything.
+#include "nerf/data/occupancy_init.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "io/image/image.h"
+#include "io/image/mask.h"
+#include "nerf/data/hull_pixels.h"
+#include "tests/support/ball_scene.h"
+#include "tests/support/march_ray.h"
+#include "tests/support/picture_scene.h"
+#include "tests/support/temp_dir.h"
+
+namespace nerf {
+namespace {
+
+// Every point of the ball lies in a candidate cell; a cell whose eight corners one view sees well beside the
+// ball is empty; the box holds the candidates and no more.
+TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
+  const TempDir dir;
+  const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96});
+  const SceneContraction map = SceneContraction::FromScene(scene, false);
+  io::Workers workers(2);
+  OccupancyGrid grid(64, map);
+  const std::array<float, 6> box = CarveByMasks(scene, LoadDataset(scene, 1), map, &workers, &grid);
+  // In the picture the ball's disc has a radius of 0.8 / 4 of the focal length, a little more off the centre;
+  // two pixels cover the edge and the square around a cell's ball.
+  const double disc = 1.05 * 0.2 * scene.cameras[0].fl_x + 2;
+  const double cell_px = scene.cameras[0].fl_x * 2.4 / 64 / 2.8;
+  std::array<float, 6> candidates = {1, 1, 1, 0, 0, 0};
+  int n_candidates = 0;
+  for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
+    const std::array<float, 3> unit = grid.CellCentre(cell);
+    Eigen::Vector3f x;
+    map.FromUnit(unit.data(), x.data());
+    const bool candidate = !grid.IsNeverOccupied(cell);
+    ASSERT_TRUE(candidate || x.norm() > 0.8f) << x.transpose();
+    bool beside = false;
+    for (const io::Frame& frame : scene.frames) {
+      const auto at = io::ImgFromCam(scene.cameras[0], frame.world_from_cam.Inverse() * x.cast<double>());
+      ASSERT_TRUE(at);
+      const double margin = 2 * cell_px;
+      const bool inside = at->minCoeff() > margin && at->maxCoeff() < 96 - margin;
+      beside |= inside && (*at - Eigen::Vector2d(48, 48)).norm() > disc + margin;
+    }
+    ASSERT_FALSE(beside && candidate) << x.transpose();
+    if (!candidate) continue;
+    ++n_candidates;
+    for (std::size_t i = 0; i < 3; ++i) {
+      candidates[i] = std::min(candidates[i], unit[i] - 0.5f / 64);
+      candidates[i + 3] = std::max(candidates[i + 3], unit[i] + 0.5f / 64);
+    }
+  }
+  EXPECT_GT(n_candidates, 5000);
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(box[i], candidates[i], 1e-6) << i;
+}
+
+// Every pixel whose ray has samples is kept, whatever the order of masks and hull; most of the others are
+// not.
+TEST(DropPixelsBesideHull, KeepsEveryPixelWhoseRayMeetsTheHull) {
+  const TempDir dir;
+  // With a focal length of 3 picture sizes the border cuts the ball.
+  for (const double focal : {1.25, 3.0}) {
+    const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96, .focal = focal});
+    const SceneContraction map = SceneContraction::FromScene(scene, false);
+    io::Workers workers(2);
+    OccupancyGrid grid(64, map);
+    Dataset dataset = LoadDataset(scene, 1);
+    CarveByMasks(scene, dataset, map, &workers, &grid);
+    grid.Rebuild();
+    DropPixelsBesideHull(scene, map, grid.resolution(), &workers, &dataset);
+    const std::vector<bool> used = dataset.UsedPixels();
+    const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+    std::size_t n_met = 0, n_dropped = 0;
+    for (std::size_t pixel = 0; pixel < dataset.n_pixels(); ++pixel) {
+      const View& view = dataset.ViewOf(pixel);
+      const int in_view = static_cast<int>(pixel - view.first_pixel);
+      const Ray ray = view.camera.RayThrough(in_view % view.width, in_view / view.width);
+      float t, t_last;
+      sampler.Range(ray, &t, &t_last);
+      const bool meets = MarchRay(sampler, ray, t_last, 1, &t).size() > 0;
+      ASSERT_TRUE(!meets || used.empty() || used[pixel]) << pixel << " of " << view.name;
+      n_met += meets;
+      n_dropped += !used.empty() && !used[pixel];
+    }
+    EXPECT_GT(n_met, 1000u);
+    if (focal < 2) {
+      EXPECT_GT(n_dropped, dataset.n_pixels() / 4);
+    }
+  }
+}
+
+io::Mask LeftHalf() {
+  io::Mask mask{20, 20, {}};
+  for (int i = 0; i < 400; ++i) mask.used.push_back(i % 20 < 10 ? 255 : 0);
+  return mask;
+}
+
+// Two views along +z and -z whose masks use the left half of what each sees, which is one half of the space.
+TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
+  const TempDir dir;
+  const io::Mask left = LeftHalf();
+  io::Mask right = left;
+  std::reverse(right.used.begin(), right.used.end());
+  io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
+  io::WriteMask(dir / "left.png", left);
+  io::WriteMask(dir / "right.png", right);
+  io::Scene scene = tests::SceneOf({dir / "a.png", dir / "a.png"}, 20, 20);
+  scene.frames[0].world_from_cam.translation.z() = 4;
+  scene.frames[1].world_from_cam.translation.z() = -4;
+  scene.frames[1].world_from_cam.rotation.diagonal() << -1, 1, -1;  // its left is the first one's right
+  const SceneContraction map = {{0, 0, 0}, 1, false};
+  io::Workers workers(2);
+  const auto candidates = [&](const char* first, const char* second) {
+    scene.frames[0].mask_path = *first ? dir / first : std::filesystem::path();
+    scene.frames[1].mask_path = *second ? dir / second : std::filesystem::path();
+    OccupancyGrid grid(64, map);
+    CarveByFrusta(scene, LoadDataset(scene, 1), map, 0.1, &workers, &grid);
+    int n = 0;
+    for (const std::uint32_t cell : grid.Candidates()) {
+      EXPECT_LT(grid.CellCentre(cell)[0], *first ? 0.5f + 1.f / 64 : 1.f);  // the masks' edge, and a cell
+      ++n;
+    }
+    return n;
+  };
+  const int all = candidates("", "");
+  EXPECT_GT(all, 200000);
+  // Both use x < 0: half of the cells and the layer on the edge.
+  EXPECT_NEAR(candidates("left.png", "right.png"), all / 2, 64 * 64 + 1);
+  // One uses x < 0, the other x > 0: no more than the layers on the edge are seen twice.
+  EXPECT_LE(candidates("left.png", "left.png"), 2 * 64 * 64);
+}
+
+// Two views along +z see all of the space, beyond `near`; one along -z has its nearer part closer than that,
+// and uses the left half of its picture; two more look elsewhere from there. Cells that reach beyond `near`
+// stay.
+TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
+  const TempDir dir;
+  io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
+  io::WriteMask(dir / "left.png", LeftHalf());
+  io::Scene scene = tests::SceneOf(std::vector(5, dir / "a.png"), 20, 20);
+  const Eigen::Vector3d centre(0, 0, 4);
+  for (io::Frame& frame : scene.frames) frame.world_from_cam.translation = -1.5 * centre;
+  for (std::size_t i = 0; i < 2; ++i) scene.frames[i].world_from_cam.rotation.diagonal() << -1, 1, -1;
+  for (std::size_t i = 2; i < 5; ++i) scene.frames[i].world_from_cam.translation = centre;
+  scene.frames[3].world_from_cam.rotation.diagonal() << -1, 1, -1;        // has it behind
+  scene.frames[4].world_from_cam.rotation << 0, 0, -1, 0, 1, 0, 1, 0, 0;  // and beside its picture
+  scene.frames[2].mask_path = dir / "left.png";
+  const SceneContraction map = {{0, 0, 0}, 1, false};
+  constexpr double kNear = 3.8;
+  const double cell = 2.0 / 64, diagonal = std::sqrt(3.0) * cell;
+  io::Workers workers(2);
+  OccupancyGrid grid(64, map);
+  CarveByFrusta(scene, LoadDataset(scene, 1), map, kNear, &workers, &grid);
+  int n_near_and_unused = 0;
+  for (std::uint32_t i = 0; i < grid.n_cells(); ++i) {
+    Eigen::Vector3f x;
+    map.FromUnit(grid.CellCentre(i).data(), x.data());
+    const double distance = (x.cast<double>() - centre).norm();
+    const bool candidate = !grid.IsNeverOccupied(i);
+    if (x.x() < 0 && distance < kNear - 0.5 * diagonal) {
+      EXPECT_FALSE(candidate) << x.transpose();
+    } else if (x.head<2>().norm() < 0.5f && (x.x() > cell || distance > kNear - 0.49 * cell)) {
+      EXPECT_TRUE(candidate) << x.transpose();
+      n_near_and_unused += distance < kNear;
+    }
+  }
+  EXPECT_GT(n_near_and_unused, 3000);
+}
+
+}  // namespace
+}  // namespace nerf

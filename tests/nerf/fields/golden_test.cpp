@@ -1,0 +1,240 @@
+// One training step and ten losses of the `nerf` field with the report's settings against golden values of an
+// independent implementation in double (tests/golden/nerf_step.py).
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "io/base/random.h"
+#include "nerf/training/field_training.h"
+#include "nerf/training/mlp_shard.h"
+#include "nerf/training/trainer.h"
+#include "tests/support/torch_environment.h"
+
+namespace nerf {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::uint64_t kSeed = 7;
+constexpr int kRays = 8, kSamples = 16;
+constexpr std::size_t kDensityLayer = 8;
+// A step of bfloat16 moves some pre-activations across 0. That noise averages out over rays, and piles up
+// backwards: the first layer's gradient has most of it.
+constexpr int kBf16Rays = 512;
+constexpr double kBf16FirstCosine = 0.995, kBf16Cosine = 0.999;
+
+const Json& Golden() {
+  static const Json golden = Json::parse(std::ifstream(SOURCE_DIR "/tests/golden/nerf_step.json"));
+  return golden;
+}
+
+std::vector<double> Values(const char* name) { return Golden()[name].get<std::vector<double>>(); }
+
+template <typename Values>
+std::vector<double> Doubles(const Values& values) {
+  return {values.begin(), values.end()};
+}
+
+double Dot(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+double Cosine(const std::vector<double>& a, const std::vector<double>& b) {
+  return Dot(a, b) / std::sqrt(Dot(a, a) * Dot(b, b));
+}
+
+double RelativeL2(std::vector<double> a, const std::vector<double>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) a[i] -= b[i];
+  return std::sqrt(Dot(a, a) / Dot(b, b));
+}
+
+double MaxError(const std::vector<double>& a, const std::vector<double>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double worst = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::fabs(a[i] - b[i]));
+  return worst;
+}
+
+// One view of one pixel for each ray. No check of the rotation is in the way of any direction.
+Dataset GoldenDataset() {
+  const std::vector<double> origins = Values("origins"), directions = Values("directions");
+  Dataset dataset;
+  dataset.channels = 4;
+  for (const double value : Values("rgba")) dataset.pixels.push_back(static_cast<std::uint8_t>(value));
+  for (std::size_t r = 0; r < kRays; ++r) {
+    const io::Camera camera{.width = 1, .height = 1, .fl_x = 1, .fl_y = 1, .cx = 0.5, .cy = 0.5};
+    io::Rigid3d pose;
+    pose.rotation.col(2) = -Eigen::Vector3d(&directions[3 * r]);
+    pose.translation = Eigen::Vector3d(&origins[3 * r]);
+    dataset.views.push_back({"", RayCamera(camera, pose), 1, 1, r});
+  }
+  return dataset;
+}
+
+TrainOptions GoldenOptions(bool bf16) {
+  TrainOptions options = ReportTrainOptions();
+  options.field.nerf.bf16 = bf16;
+  options.field.nerf.quadrature.n_samples = kSamples;
+  options.nerf.rays = kRays;
+  return options;
+}
+
+std::unique_ptr<SceneField> GoldenField(bool bf16) {
+  const MlpFieldOptions options = GoldenOptions(bf16).field.nerf;
+  auto field = std::make_unique<MlpField>(options, false, kSeed);
+  const std::span<float> weights = field->State()[0].values;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const auto word = static_cast<double>(io::Random(kSeed, io::Stream::kInit, 0, i).Bits() >> 48);
+    weights[i] = static_cast<float>(5. / 32 * (word / 32768 - 1));
+  }
+  weights[Layers(MlpOptionsOf(options))[kDensityLayer].biases] -= 1.25f;
+  field->Refresh();
+  const SamplerOptions sampling{.near = 2, .far = 6, .scene_units = true};
+  return std::make_unique<SceneField>(SceneContraction{{0, 0, 0}, 6, false}, sampling, std::move(field), 64);
+}
+
+MlpShard GoldenShard(const SceneField& scene_field, int n_rays = kRays) {
+  const Dataset dataset = GoldenDataset();
+  const NerfShardContext context{dataset, scene_field, dynamic_cast<MlpField&>(*scene_field.field)};
+  MlpShard shard;
+  BatchPlan plan{.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1};
+  plan.background = {1, 1, 1};
+  RunNerfShard(context, plan, 0, &shard);
+  return shard;
+}
+
+// The gradient of each weight matrix and bias vector, in the order of the golden values.
+std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
+  std::vector<std::vector<double>> tensors;
+  for (const MlpLayer& layer : Layers(MlpOptionsOf(GoldenOptions(false).field.nerf))) {
+    const auto at = gradients.begin();
+    const auto weights = at + static_cast<std::ptrdiff_t>(layer.weights),
+               biases = at + static_cast<std::ptrdiff_t>(layer.biases);
+    tensors.emplace_back(weights, biases);
+    tensors.emplace_back(biases, biases + layer.outputs);
+  }
+  return tensors;
+}
+
+TEST(NerfGolden, DistancesAndCodesAreThePapers) {
+  const auto scene_field = GoldenField(false);
+  const MlpShard shard = GoldenShard(*scene_field);
+  EXPECT_LE(MaxError(Doubles(shard.samples.t), Values("distances")), 1e-9);
+  const std::vector<double> position = Values("position_codes"), direction = Values("direction_codes");
+  double worst = 0;
+  for (std::size_t i = 0; i < position.size(); ++i) {  // every second sample of the first rays is stored
+    const float code = shard.position_codes[i / 63 * 2 * 64 + i % 63];
+    worst = std::max(worst, std::fabs(code - position[i]));
+  }
+  for (std::size_t i = 0; i < direction.size(); ++i) {
+    const float code = shard.direction_codes[i / 27 * kSamples * 32 + i % 27];
+    worst = std::max(worst, std::fabs(code - direction[i]));
+  }
+  std::printf("codes: largest error %.1e\n", worst);
+  EXPECT_LE(worst, 1e-6);
+}
+
+TEST(NerfGolden, OutputsWeightsAndLossAreThePapers) {
+  const auto scene_field = GoldenField(false);
+  const MlpShard shard = GoldenShard(*scene_field);
+  std::vector<float> raw(kRays * kSamples), logits(3 * raw.size());
+  dynamic_cast<MlpField&>(*scene_field->field)
+      .network(0)
+      .Query(kRays * kSamples,
+             shard.position_codes.data(),
+             shard.direction_codes.data(),
+             raw.data(),
+             logits.data());
+  std::vector<double> colours;
+  for (std::size_t r = 0; r < kRays; ++r) {
+    float colour[3], opacity = 0;
+    const float* weights = &shard.weights[r * kSamples];
+    CompositeColour(kSamples, weights, &shard.rgb[3 * r * kSamples], colour);
+    for (int i = 0; i < kSamples; ++i) opacity += weights[i];
+    for (const float c : colour) colours.push_back(c + (1 - opacity));
+  }
+  const double errors[] = {RelativeL2(Doubles(raw), Values("raw")),
+                           RelativeL2(Doubles(logits), Values("logits")),
+                           RelativeL2(Doubles(shard.weights), Values("weights")),
+                           RelativeL2(colours, Values("colours")),
+                           std::fabs(shard.loss / kRays / Golden()["loss"].get<double>() - 1)};
+  const char* names[] = {"raw density", "colour logits", "weights", "colours", "loss"};
+  for (std::size_t i = 0; i < std::size(errors); ++i) {
+    std::printf("%s: relative error %.1e\n", names[i], errors[i]);
+    EXPECT_LE(errors[i], 1e-5) << names[i];
+  }
+}
+
+// N33
+TEST(NerfGolden, TheGradientOfEveryTensorIsThePapers) {
+  const auto scene_field = GoldenField(false);
+  const auto tensors = Tensors(GoldenShard(*scene_field).gradients);
+  ASSERT_EQ(tensors.size(), Golden()["gradients"].size());
+  double worst = 0;
+  for (std::size_t k = 0; k < tensors.size(); ++k) {
+    const Json& golden = Golden()["gradients"][k];
+    const double norm = golden["norm"];
+    EXPECT_NEAR(std::sqrt(Dot(tensors[k], tensors[k])) / norm, 1, 1e-5) << "tensor " << k;
+    // Projections on random signs: the mean square of their errors is that of the whole tensor's error.
+    std::vector<double> projections(16, 0.0), entries;
+    for (std::size_t i = 0; i < tensors[k].size(); ++i) {
+      io::Random random(kSeed, io::Stream::kInit, 1 + k, i);
+      for (double& projection : projections)
+        projection += random.Bits() >> 63 ? -tensors[k][i] : tensors[k][i];
+    }
+    std::vector<double> difference = golden["projections"];
+    for (std::size_t i = 0; i < 16; ++i) difference[i] -= projections[i];
+    const double error = std::sqrt(Dot(difference, difference) / 16) / norm;
+    for (std::size_t i = 0; i < tensors[k].size(); i += golden["stride"].get<std::size_t>())
+      entries.push_back(tensors[k][i]);
+    const std::vector<double> wanted = golden["entries"].get<std::vector<double>>();
+    const double of_entries = RelativeL2(entries, wanted);
+    EXPECT_LE(error, 1e-5) << "tensor " << k;
+    EXPECT_LE(of_entries, 1e-5) << "tensor " << k;
+    EXPECT_GE(Cosine(entries, wanted), 1 - 1e-8) << "tensor " << k;
+    worst = std::max({worst, error, of_entries});
+  }
+  std::printf("gradients: largest relative error of a tensor %.1e\n", worst);
+}
+
+// N33: bfloat16 against float, which the test above has tied to the paper.
+TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
+  const auto exact_field = GoldenField(false), field = GoldenField(true);
+  const MlpShard exact_shard = GoldenShard(*exact_field, kBf16Rays), shard = GoldenShard(*field, kBf16Rays);
+  EXPECT_NEAR(shard.loss / exact_shard.loss, 1, 1e-2);
+  const auto exact = Tensors(exact_shard.gradients), rounded = Tensors(shard.gradients);
+  double worst = 1;
+  for (std::size_t k = 0; k < exact.size(); ++k) {
+    EXPECT_GE(Cosine(rounded[k], exact[k]), k < 2 ? kBf16FirstCosine : kBf16Cosine) << "tensor " << k;
+    worst = std::min(worst, Cosine(rounded[k], exact[k]));
+  }
+  std::printf("bf16: smallest cosine of a tensor %.6f, loss %.1e off\n",
+              worst,
+              std::fabs(shard.loss / exact_shard.loss - 1));
+}
+
+// N23: Adam included.
+TEST(NerfGolden, TenTrainingStepsHaveTheGoldenLosses) {
+  const std::vector<double> losses = Values("losses");
+  ASSERT_EQ(losses.size(), 10u);
+  const Dataset dataset = GoldenDataset();
+  const TrainOptions options = GoldenOptions(false);
+  const auto scene_field = GoldenField(false);
+  io::Workers workers(1);
+  const auto training = MakeNerfTraining(dataset, options, scene_field.get(), &workers);
+  double worst = 0;
+  TrainState state{.seed = kSeed};
+  for (; state.step < losses.size(); ++state.step) {
+    const StepOutcome outcome = training->Step(0.1 * static_cast<double>(state.step), &state);
+    EXPECT_EQ(outcome.fault, "");
+    EXPECT_NEAR(outcome.loss / losses[state.step], 1, 1e-5) << "step " << state.step;
+    worst = std::max(worst, std::fabs(outcome.loss / losses[state.step] - 1));
+  }
+  std::printf("ten losses: largest relative error %.1e\n", worst);
+}
+
+}  // namespace
+}  // namespace nerf

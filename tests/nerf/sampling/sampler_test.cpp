@@ -1,0 +1,244 @@
+// Rays through the occupancy grid: nothing occupied is skipped, contraction and its speed bound hold, slabs
+// are NaN-safe.
+#include "nerf/sampling/sampler.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "io/base/random.h"
+#include "nerf/kernels/march_reference.h"
+#include "tests/support/march_ray.h"
+
+namespace nerf {
+namespace {
+
+SceneContraction Map(bool unbounded) { return {{0.5f, -0.25f, 0.125f}, 1.5f, unbounded}; }
+
+Ray RandomRay(std::uint64_t seed) {
+  io::Random random(seed, io::Stream::kRay, 0, 0);
+  Ray ray;
+  float norm = 0;
+  for (int i = 0; i < 3; ++i) {
+    ray.origin[i] = 6 * random.Uniform() - 3;
+    ray.direction[i] = random.Uniform() - 0.5f;
+    norm += ray.direction[i] * ray.direction[i];
+  }
+  for (float& d : ray.direction) d /= std::sqrt(norm);
+  return ray;
+}
+
+TEST(SceneContraction, InverseAndCentre) {
+  for (const bool unbounded : {false, true}) {
+    const SceneContraction map = Map(unbounded);
+    io::Random random(1, io::Stream::kInit, 0, 0);
+    for (int i = 0; i < 1000; ++i) {
+      float unit[3], x[3], back[3];
+      for (float& u : unit) u = 0.02f + 0.96f * random.Uniform();
+      map.FromUnit(unit, x);
+      map.ToUnit(x, back);
+      for (int j = 0; j < 3; ++j) ASSERT_NEAR(back[j], unit[j], 2e-5);
+    }
+    const float centre[3] = {0.5f, -0.25f, 0.125f};
+    float unit[3];
+    map.ToUnit(centre, unit);
+    for (const float u : unit) EXPECT_EQ(u, 0.5f);
+  }
+  const float far[3] = {1e30f, -1e30f, 0};
+  float unit[3];
+  Map(true).ToUnit(far, unit);
+  for (const float u : unit) EXPECT_TRUE(u >= 0 && u <= 1);
+}
+
+TEST(SceneContraction, NoRayIsFasterThanTheBoundAndSomeReachIt) {
+  const SceneContraction map = Map(true);
+  const auto slack = [&](const Ray& ray, float t) {
+    const float h = 1e-3f;
+    float a[3], b[3], ua[3], ub[3], speed = 0;
+    for (int i = 0; i < 3; ++i)
+      a[i] = ray.origin[i] + t * ray.direction[i], b[i] = a[i] + h * ray.direction[i];
+    map.ToUnit(a, ua);
+    map.ToUnit(b, ub);
+    for (int i = 0; i < 3; ++i) speed = std::max(speed, std::fabs(ub[i] - ua[i]) / h);
+    const float reach = map.Reach(a);
+    return kernels::reference::ContractedSpeed(reach, map.Reach(b) > reach) / map.InnerSide() - speed;
+  };
+  int outside = 0;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    const Ray ray = RandomRay(seed);
+    for (float t = 0; t < 30; t += 0.25f) {
+      float x[3];
+      for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + t * ray.direction[i];
+      ASSERT_GE(slack(ray, t), -3e-4f) << "reach " << map.Reach(x);
+      outside += map.Reach(x) > 1.5f;
+    }
+  }
+  EXPECT_GT(outside, 10000);
+  // The fastest: beside an edge of the cube m = 1.25, along y and towards x = 0.
+  const float m = 1.25f * map.half, along = 1.5f / std::sqrt(2.5f), towards = -0.5f / std::sqrt(2.5f);
+  const Ray fastest = {{map.centre[0] + m, map.centre[1] + m - 0.01f, map.centre[2]}, {towards, along, 0}};
+  EXPECT_NEAR(slack(fastest, -1e-3f), 0, 3e-4);
+}
+
+// A random grid with a few occupied cells; every sample that plain stepping finds, the jumping sampler finds
+// too.
+TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
+  for (const bool unbounded : {false, true}) {
+    const SceneContraction map = Map(unbounded);
+    OccupancyGrid grid(64, map);
+    for (int i = 0; i < 8000; ++i)  // below half of the height: there is room above for long jumps
+      grid.SetCandidate(
+          io::Random(3, io::Stream::kInit, 0, static_cast<std::uint64_t>(i)).Below(64 * 64 * 32));
+    grid.Rebuild();
+    const SamplerOptions options{
+        .near = 0.01f, .far = 40, .step_size = 0.004f, .cone_angle = unbounded ? 0.002f : 0.f};
+    const Sampler sampler(options, map, grid);
+    int hits = 0;
+    for (std::uint64_t seed = 0; seed < 300; ++seed) {
+      const Ray ray = RandomRay(seed);
+      float first, last;
+      sampler.Range(ray, &first, &last);
+      std::vector<bool> found(grid.n_cells());
+      float t = first;
+      const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
+      for (const std::uint32_t cell : samples.cell) found[cell] = true;
+      for (float s = first; s < last; s += 0.001f) {
+        float x[3], unit[3];
+        for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + s * ray.direction[i];
+        map.ToUnit(x, unit);
+        const std::uint32_t cell = grid.CellAt(unit);
+        if (grid.Distance(cell) != 0 || found[cell]) continue;
+        // A corner cut shorter than one interval may fall between two samples; a real crossing may not.
+        float inside = 0;
+        for (float u = s; u < last; u += 0.001f) {
+          for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + u * ray.direction[i];
+          map.ToUnit(x, unit);
+          if (grid.CellAt(unit) != cell) break;
+          inside = u - s;
+        }
+        ASSERT_LE(inside, 1.01f * sampler.Delta(1, s) + 0.002f)
+            << "seed " << seed << " unbounded " << unbounded;
+        found[cell] = true;
+      }
+      hits += samples.size() > 0;
+    }
+    EXPECT_GT(hits, 20);
+  }
+}
+
+TEST(Sampler, IntervalsDoNotOverlapAndCoverAFullGrid) {
+  const SceneContraction map = Map(false);
+  OccupancyGrid grid(64, map);
+  for (std::uint32_t c = 0; c < grid.n_cells(); ++c) grid.SetCandidate(c);
+  grid.Rebuild();
+  const Sampler sampler({.near = 0.f, .far = 100, .step_size = 0.01f}, map, grid);
+  const Ray ray{{-5, -0.25f, 0.125f}, {1, 0, 0}};
+  float t, last;
+  sampler.Range(ray, &t, &last);
+  EXPECT_NEAR(t, 4, 1e-5);
+  EXPECT_NEAR(last, 7, 1e-5);
+  const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
+  double length = 0;
+  for (std::size_t i = 0; i < samples.delta.size(); ++i) {
+    length += samples.delta[i];
+    if (i > 0) {
+      ASSERT_NEAR(samples.t[i] - samples.t[i - 1], samples.delta[i], 1e-5);
+    }
+  }
+  EXPECT_NEAR(length, 3, 0.011);
+}
+
+TEST(Sampler, SlabTestSurvivesZeroComponentsAndFaces) {
+  const SceneContraction map{{0, 0, 0}, 1, false};
+  OccupancyGrid grid(64, map);
+  const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+  const auto hits = [&](Ray ray) {
+    float first, last;
+    sampler.Range(ray, &first, &last);
+    EXPECT_FALSE(std::isnan(first) || std::isnan(last));
+    return first < last;
+  };
+  EXPECT_TRUE(hits({{0, 0, 0}, {0, 0, 1}}));
+  EXPECT_TRUE(hits({{0, -3, 0}, {-0.f, 1, 0}}));
+  EXPECT_FALSE(hits({{2, 0, 0}, {0, 0, -1}}));
+  EXPECT_FALSE(hits({{0, 0, 3}, {0, 0, 1}}));
+  EXPECT_TRUE(hits({{1, -3, 0}, {0, 1, 0}}));  // along a face
+  EXPECT_TRUE(hits({{1e-30f, 1e-30f, -3}, {1e-38f, 0, 1}}));
+}
+
+// N39
+TEST(Sampler, DegenerateRangesGiveNoSamplesAndNoNegativeLength) {
+  const SceneContraction map{{0, 0, 0}, 1, false};
+  OccupancyGrid grid(64, map);
+  for (std::uint32_t c = 0; c < grid.n_cells(); ++c) grid.SetCandidate(c);
+  grid.Rebuild();
+  const auto march = [&](float near, float far, const Ray& ray) {
+    const Sampler sampler({.near = near, .far = far, .step_size = 0.01f}, map, grid);
+    float t, last;
+    sampler.Range(ray, &t, &last);
+    const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
+    for (const float delta : samples.delta) EXPECT_GT(delta, 0.f);
+    for (std::size_t i = 0; i < samples.t.size(); ++i) {
+      EXPECT_GE(samples.t[i], near);
+      EXPECT_LE(samples.t[i], last + 0.01f);
+      for (const float u : {samples.x[i], samples.y[i], samples.z[i]}) EXPECT_TRUE(u >= 0 && u <= 1);
+    }
+    return samples.size();
+  };
+  const Ray inside{{0, 0, 0}, {0, 0, 1}}, outside{{0, 0, -3}, {0, 0, 1}}, away{{0, 0, 3}, {0, 0, 1}};
+  for (const Ray& ray : {inside, outside, away}) {
+    EXPECT_EQ(march(2.5f, 2.5f, ray), 0);
+    EXPECT_EQ(march(5, 1, ray), 0);
+  }
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  EXPECT_NEAR(march(0, kInf, inside), 100, 1);
+  EXPECT_NEAR(march(0, kInf, outside), 200, 1);
+  EXPECT_EQ(march(0, kInf, away), 0);
+  EXPECT_NEAR(march(-0.5f, 6, inside), 150, 1);  // the caller's choice: also what lies behind the camera
+}
+
+TEST(OccupancyGrid, DistancesEqualBruteForce) {
+  const SceneContraction map = Map(false);
+  OccupancyGrid grid(64, map);
+  std::vector<std::array<int, 3>> occupied;
+  for (std::uint64_t i = 0; i < 12; ++i) {
+    const std::uint32_t cell = io::Random(5, io::Stream::kInit, 0, i).Below(64 * 64 * 64);
+    grid.SetCandidate(cell);
+    occupied.push_back(
+        {static_cast<int>(cell % 64), static_cast<int>(cell / 64 % 64), static_cast<int>(cell / 4096)});
+  }
+  grid.Rebuild();
+  for (std::uint32_t cell = 0; cell < grid.n_cells(); cell += 7) {
+    int nearest = 24;
+    for (const auto& o : occupied) {
+      const int dx = std::abs(o[0] - static_cast<int>(cell % 64)),
+                dy = std::abs(o[1] - static_cast<int>(cell / 64 % 64));
+      nearest = std::min(nearest, std::max({dx, dy, std::abs(o[2] - static_cast<int>(cell / 4096))}));
+    }
+    ASSERT_EQ(grid.Distance(cell), nearest) << cell;
+    const std::uint32_t x = cell % 64, y = cell / 64 % 64, z = cell / 4096;
+    const std::uint32_t block = (z / 4 * 16 + y / 4) * 16 + x / 4, bit = (z % 4 * 4 + y % 4) * 4 + x % 4;
+    const kernels::OccupancyBlocks blocks = grid.Blocks();
+    ASSERT_LE(blocks.distance[block], nearest) << cell;
+    ASSERT_EQ(blocks.cells[block] >> bit & 1, nearest == 0) << cell;
+    ASSERT_EQ(blocks.distance[block] == 0, blocks.cells[block] != 0) << cell;
+  }
+}
+
+TEST(OccupancyGrid, VisitsPruneAndProbesRevive) {
+  const SceneContraction map = Map(false);
+  OccupancyGrid grid(64, map);
+  grid.SetCandidate(1000);
+  grid.Rebuild();
+  EXPECT_EQ(grid.Distance(1000), 0);
+  for (int i = 0; i < 30; ++i) grid.Visit(1000, 0.f);
+  grid.Rebuild();
+  EXPECT_NE(grid.Distance(1000), 0);
+  grid.Probe(1000, 2 * grid.Threshold(1000));
+  grid.Rebuild();
+  EXPECT_EQ(grid.Distance(1000), 0);
+}
+
+}  // namespace
+}  // namespace nerf

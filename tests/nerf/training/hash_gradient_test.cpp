@@ -1,0 +1,244 @@
+// The hand-written gradient of a whole training shard of the `hash` field - marched rays, grid, networks,
+// compositing, loss - against LibTorch's automatic one of the same equations in double.
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include "io/base/random.h"
+#include "nerf/fields/hash_field.h"
+#include "nerf/fields/spherical_harmonics.h"
+#include "nerf/kernels/reference.h"
+#include "nerf/training/hash_shard.h"
+#include "tests/support/ball_scene.h"
+#include "tests/support/temp_dir.h"
+
+namespace nerf {
+namespace {
+
+constexpr int kRays = 48;
+
+at::Tensor Parameter(std::span<const float> values) {
+  return torch::from_blob(const_cast<float*>(values.data()), {static_cast<std::int64_t>(values.size())})
+      .to(torch::kDouble)
+      .clone()
+      .requires_grad_(true);
+}
+
+at::Tensor Doubles(const std::vector<double>& values) {
+  return torch::from_blob(
+             const_cast<double*>(values.data()), {static_cast<std::int64_t>(values.size())}, torch::kDouble)
+      .clone();
+}
+
+// Rows of trilinear features [n][32].
+at::Tensor Encode(const std::vector<kernels::GridLevel>& levels,
+                  const Samples& samples,
+                  const at::Tensor& table) {
+  std::vector<at::Tensor> features;
+  const auto n = static_cast<std::size_t>(samples.size());
+  for (const kernels::GridLevel& level : levels) {
+    std::vector<std::int64_t> entries;
+    std::vector<double> weights;
+    for (std::size_t i = 0; i < n; ++i) {
+      for (int c = 0; c < 8; ++c) {
+        std::size_t entry;
+        double weight;
+        kernels::reference::Corner<double>(
+            level, samples.x[i], samples.y[i], samples.z[i], c, &entry, &weight);
+        entries.push_back(static_cast<std::int64_t>(level.first_entry + entry));
+        weights.push_back(weight);
+      }
+    }
+    const at::Tensor index =
+        torch::from_blob(entries.data(), {static_cast<std::int64_t>(entries.size())}, torch::kLong);
+    const at::Tensor corners = table.view({-1, kernels::kFeatures}).index_select(0, index.clone());
+    features.push_back((corners * Doubles(weights).unsqueeze(1)).view({-1, 8, kernels::kFeatures}).sum(1));
+  }
+  return torch::cat(features, 1);
+}
+
+struct Outputs {
+  at::Tensor sigma, rgb;  // [n], [n][3]
+};
+
+Outputs Network(const at::Tensor& features, const at::Tensor& harmonics, const at::Tensor& weights) {
+  std::int64_t at = 0;
+  const auto layer = [&](std::int64_t inputs, std::int64_t outputs) {
+    const at::Tensor w = weights.narrow(0, at, inputs * outputs).view({inputs, outputs});
+    at += inputs * outputs;
+    return w;
+  };
+  const at::Tensor out = torch::relu(features.mm(layer(32, 64))).mm(layer(64, 16));
+  const at::Tensor first = torch::relu(torch::cat({out, harmonics}, 1).mm(layer(32, 64)));
+  const at::Tensor second = torch::relu(first.mm(layer(64, 64)));
+  const at::Tensor rgb = torch::sigmoid(second.mm(layer(3, 64).view({3, 64}).t()));
+  return {torch::exp(out.select(1, 0) + HashNetwork<float>::kDensityBias), rgb};
+}
+
+// The squared error's mean over all backgrounds in [0, 1], with the moments 1/2 and 1/3.
+at::Tensor Loss(const PixelTarget& target, const at::Tensor& colour, const at::Tensor& transmittance) {
+  const at::Tensor leak = transmittance - (1 - double{target.alpha});
+  at::Tensor loss = torch::zeros({}, torch::kDouble);
+  for (int j = 0; j < 3; ++j) {
+    const at::Tensor error = colour[j] - double{target.premultiplied[j]};
+    loss = loss + 0.5 * (error * error + error * leak + leak * leak / 3);
+  }
+  return loss;
+}
+
+template <typename Real>
+class HashGradientTest : public testing::Test {
+ protected:
+  // Relative to the norm of a gradient. With bfloat16 each factor carries 8 bits; errors mostly cancel.
+  static constexpr bool kBf16 = sizeof(Real) == 2;
+  static constexpr double kTolerance = kBf16 ? 0.03 : 2e-5;
+
+  HashGradientTest()
+      : scene_(tests::BallScene(dir_.path(), 4, 0, {.size = 24})),
+        map_(SceneContraction::FromScene(scene_, false)),
+        grid_(64, map_),
+        field_(
+            {.grid = {.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40},
+             .bf16_network = kBf16},
+            5) {
+    for (std::uint32_t cell = 0; cell < grid_.n_cells(); ++cell) grid_.SetCandidate(cell);
+    grid_.Rebuild();
+    for (const Tensor& tensor : field_.State()) {
+      if (tensor.name == "table") {  // features of useful size, so that no path is dead
+        for (std::size_t i = 0; i < tensor.values.size(); ++i)
+          tensor.values[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
+        table_ = Parameter(tensor.values);
+      }
+      if (tensor.name == "weights") weights_ = Parameter(tensor.values);
+    }
+    field_.Refresh();
+  }
+
+  void Train(int pixel_rays, float distortion, float full_gradient_distance) {
+    const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, map_, grid_);
+    // Every sample counts, so that the twin needs no choice of its own.
+    const BatchPlan plan{.seed = 3,
+                         .n_rays = kRays,
+                         .pixel_rays = pixel_rays,
+                         .n_shards = 1,
+                         .distortion = distortion,
+                         .full_gradient_distance = full_gradient_distance,
+                         .early_stop_depth = 1e9f,
+                         .wave_samples = 4};
+    TrainShard(LoadDataset(scene_, 1),
+               field_.grid(),
+               std::get<HashNetwork<Real>>(field_.network()),
+               sampler,
+               plan,
+               0,
+               &scratch_,
+               &result_);
+  }
+
+  // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
+  double TrainTwin(int pixel_rays, float distortion, float full_gradient_distance) {
+    const Samples& samples = result_.samples;
+    const std::vector<BatchRay>& rays = scratch_.batch.rays;
+    std::vector<double> harmonics, deltas(scratch_.delta.begin(), scratch_.delta.begin() + samples.size());
+    for (const BatchRay& ray : rays) {
+      const double d[3] = {ray.ray.direction[0], ray.ray.direction[1], ray.ray.direction[2]};
+      double values[kHarmonics];
+      SphericalHarmonics(d, values);
+      for (int i = 0; i < ray.n_kept; ++i) harmonics.insert(harmonics.end(), values, values + kHarmonics);
+    }
+    Outputs outputs = Network(
+        Encode(field_.grid().levels(), samples, table_), Doubles(harmonics).view({-1, kHarmonics}), weights_);
+    if (full_gradient_distance > 0) {
+      std::vector<double> shares(scratch_.t.begin(), scratch_.t.begin() + samples.size());
+      for (double& share : shares) share = std::pow(std::min(share / full_gradient_distance, 1.0), 2);
+      const at::Tensor share = Doubles(shares);
+      outputs.sigma = share * outputs.sigma + (1 - share) * outputs.sigma.detach();
+      outputs.rgb = share.unsqueeze(1) * outputs.rgb + (1 - share.unsqueeze(1)) * outputs.rgb.detach();
+    }
+    const at::Tensor tau = outputs.sigma * Doubles(deltas);
+    at::Tensor loss = torch::zeros({}, torch::kDouble);
+    std::int64_t first = 0;
+    at::Tensor pixel_colour, pixel_transmittance;
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      const BatchRay& ray = rays[r];
+      const at::Tensor own = tau.narrow(0, first, ray.n_kept), depth = own.cumsum(0);
+      const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
+      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / pixel_rays;
+      const at::Tensor transmittance = torch::exp(-own.sum()) / pixel_rays;
+      loss = loss + Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / pixel_rays;
+      first += ray.n_kept;
+      const bool begins = r % static_cast<std::size_t>(pixel_rays) == 0;
+      pixel_colour = begins ? colour : pixel_colour + colour;
+      pixel_transmittance = begins ? transmittance : pixel_transmittance + transmittance;
+      if ((r + 1) % static_cast<std::size_t>(pixel_rays) == 0)
+        loss = loss + Loss(ray.target, pixel_colour, pixel_transmittance);
+    }
+    (loss * pixel_rays / kRays).backward();
+    return loss.item<double>();
+  }
+
+  // Of a ray with the given weights and the samples from `first` on, by its definition.
+  at::Tensor Distortion(const at::Tensor& weights, std::size_t first) const {
+    std::vector<double> places, lengths;
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i) {
+      places.push_back(std::log(double{scratch_.t[i]}));
+      lengths.push_back(double{scratch_.delta[i]} / double{scratch_.t[i]});
+    }
+    const at::Tensor s = Doubles(places), between = (s.unsqueeze(0) - s.unsqueeze(1)).abs();
+    return weights.dot(between.mv(weights)) + (weights * weights).dot(Doubles(lengths)) / 3;
+  }
+
+  // Gradient of the table, from those of the features.
+  std::vector<float> TableGradient() const {
+    std::vector<float> gradient(static_cast<std::size_t>(table_.numel()), 0.f);
+    const auto& levels = field_.grid().levels();
+    for (std::size_t l = 0; l < levels.size(); ++l) {
+      kernels::ActiveKernels().Network<Real>().scatter(
+          levels[l],
+          &result_.feature_gradients[l * result_.feature_gradient_stride],
+          result_.samples.x.data(),
+          result_.samples.y.data(),
+          result_.samples.z.data(),
+          result_.samples.size(),
+          &gradient[levels[l].first_entry * kernels::kFeatures]);
+    }
+    return gradient;
+  }
+
+  static double RelativeError(const std::vector<float>& ours, const at::Tensor& twin) {
+    const at::Tensor difference = Parameter(ours).detach() - twin;
+    return (difference.norm() / twin.norm()).template item<double>();
+  }
+
+  TempDir dir_;
+  io::Scene scene_;
+  SceneContraction map_;
+  OccupancyGrid grid_;
+  HashField field_;
+  at::Tensor table_, weights_;
+  ShardScratch<Real> scratch_;
+  ShardResult<Real> result_;
+};
+using Reals = testing::Types<float, kernels::Bf16>;
+TYPED_TEST_SUITE(HashGradientTest, Reals);
+
+TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
+  struct Case {
+    int pixel_rays;
+    float distortion, full_gradient_distance;
+  };
+  for (const Case& c : {Case{1, 0, 0}, {4, 0, 0}, {1, 0.3f, 0}, {4, 0.3f, 0}, {1, 0.3f, 4}}) {
+    SCOPED_TRACE(testing::Message() << c.pixel_rays << " rays, distortion " << c.distortion
+                                    << ", whole gradients from " << c.full_gradient_distance);
+    this->Train(c.pixel_rays, c.distortion, c.full_gradient_distance);
+    ASSERT_TRUE(this->result_.finite);
+    ASSERT_GT(this->result_.samples.size(), 500);
+    this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
+    const double loss = this->TrainTwin(c.pixel_rays, c.distortion, c.full_gradient_distance);
+    EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
+    EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
+    EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
+  }
+}
+
+}  // namespace
+}  // namespace nerf

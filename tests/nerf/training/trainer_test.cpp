@@ -1,0 +1,185 @@
+// Training end to end on a scene whose pictures are computed in closed form: quality, determinism, resume,
+// checkpoints.
+#include "nerf/training/trainer.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/base/hash.h"
+#include "nerf/fields/checkpoint.h"
+#include "nerf/rendering/trained_field.h"
+#include "tests/support/ball_scene.h"
+#include "tests/support/temp_dir.h"
+
+namespace nerf {
+namespace {
+
+using tests::Behind;
+
+constexpr int kSize = 48;
+
+io::Scene MakeScene(const std::filesystem::path& folder,
+                    int n_views,
+                    double phase,
+                    Behind behind = Behind::kNothing) {
+  return tests::BallScene(folder, n_views, phase, {.size = kSize, .behind = behind});
+}
+
+TrainOptions SmallOptions(int steps) {
+  TrainOptions options;
+  options.steps = steps;
+  options.samples_per_step = 8192;
+  options.field.log2_hashmap_size = 12;
+  options.field.finest_resolution = 64;
+  options.field.grid_resolution = 64;
+  return options;
+}
+
+// With alpha, and on paper of one colour, which must not become a thing in space.
+TEST(Trainer, LearnsABallAndNothingAroundIt) {
+  for (const Behind behind : {Behind::kNothing, Behind::kPaper}) {
+    SCOPED_TRACE(behind == Behind::kPaper ? "on paper" : "with alpha");
+    const TempDir dir;
+    const io::Scene train = MakeScene(dir.path(), 16, 0, behind),
+                    heldout = MakeScene(dir.path(), 4, 0.37, behind);
+    TrainOptions options = SmallOptions(400);
+    options.threads = 2;
+    const TrainReport report = Train(train, heldout, options, dir.path());
+    EXPECT_EQ(report.steps, 400u);
+    EXPECT_GE(report.heldout_psnr, 27.0);
+    EXPECT_EQ(report.restarts, 0);
+
+    const RenderedView view =
+        TrainedField::Load(dir.path() / "checkpoint.bin")
+            ->Render(heldout.cameras[0], heldout.frames[0].world_from_cam, {.threads = 2});
+    const std::size_t middle = static_cast<std::size_t>(kSize) * kSize / 2 + kSize / 2;
+    EXPECT_NEAR(view.depth[middle], 3.2, 0.05);
+    EXPECT_GT(view.opacity[middle], 0.99);
+    EXPECT_LT(view.opacity[0], 0.01);
+    // White is the background of the render options.
+    for (std::size_t j = 0; j < 3; ++j)
+      EXPECT_NEAR(view.rgb[j], behind == Behind::kPaper ? tests::kPaper[j] / 255.0 : 1.0, 0.01);
+  }
+}
+
+TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 32, 0, Behind::kRoom),
+                  heldout = MakeScene(dir.path(), 4, 0.37, Behind::kRoom);
+  TrainOptions options = SmallOptions(600);
+  options.threads = 2;
+  const TrainReport report = Train(train, heldout, options, dir.path());
+  EXPECT_GE(report.heldout_psnr, 22.0);
+}
+
+TEST(Trainer, SameBytesForAnyNumberOfThreads) {
+  const TempDir dir;
+  std::set<std::string> hashes;
+  std::size_t n_kinds = 0;
+  for (const auto& [bf16, behind] :
+       {std::pair(false, Behind::kNothing), {true, Behind::kNothing}, {true, Behind::kRoom}}) {
+    const io::Scene train = MakeScene(dir.path(), 8, 0, behind);
+    for (const int threads : {1, 3}) {
+      TrainOptions options = SmallOptions(40);
+      options.threads = threads;
+      options.field.bf16_table = options.field.bf16_network = bf16;
+      const auto folder = dir.path() / (std::to_string(n_kinds) + "_" + std::to_string(threads));
+      std::filesystem::create_directories(folder);
+      Train(train, {}, options, folder);
+      const auto field = TrainedField::Load(folder / "checkpoint.bin");
+      const RenderedView view =
+          field->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = threads});
+      hashes.insert(io::HashBytes({reinterpret_cast<const char*>(view.rgb.data()), view.rgb.size() * 4}));
+    }
+    EXPECT_EQ(hashes.size(), ++n_kinds) << "one picture per precision and kind of scene";
+  }
+}
+
+TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 8, 0);
+  const auto rgb_after = [&](const std::filesystem::path& folder) {
+    return TrainedField::Load(folder / "checkpoint.bin")
+        ->Render(train.cameras[0], train.frames[0].world_from_cam, {.threads = 1})
+        .rgb;
+  };
+  // Schedules follow step / steps, so the first part of a run of 60 needs the same options as the whole: it
+  // is cut by a checkpoint every step and a copy of the one that is there when 60 are done in two goes.
+  TrainOptions whole = SmallOptions(60);
+  whole.field.bf16_table = whole.field.bf16_network = true;
+  TrainOptions part = whole;
+  // Independent of `steps`.
+  part.schedule = whole.schedule =
+      TrainingSchedule{.entry_moments = true, .hold = 1, .first_step_scale = 1, .pixel_rays_from = 0};
+  part.steps = 25;
+  const auto straight = dir.path() / "straight", resumed = dir.path() / "resumed";
+  std::filesystem::create_directories(straight);
+  std::filesystem::create_directories(resumed);
+  Train(train, {}, whole, straight);
+  Train(train, {}, part, resumed);
+  const TrainReport second = Train(train, {}, whole, resumed);
+  ASSERT_FALSE(second.events.empty());
+  EXPECT_NE(second.events[0].find("resumed at step 25"), std::string::npos);
+  EXPECT_EQ(rgb_after(straight), rgb_after(resumed));
+}
+
+TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
+  const TempDir dir;
+  for (const bool opaque : {false, true}) {
+    const auto folder = dir.path() / (opaque ? "opaque" : "alpha");
+    std::filesystem::create_directories(folder);
+    const io::Scene train = MakeScene(folder, 8, 0, opaque ? Behind::kRoom : Behind::kNothing);
+    TrainOptions options = SmallOptions(60);
+    options.schedule = TrainingSchedule{.pixel_rays_from = 0.9};
+    Train(train, {}, options, folder);
+    const auto field = TrainedField::Load(folder / "checkpoint.bin");
+    const auto rgb = [&](int pixel_rays, float step_scale) {
+      const RenderOptions render{.threads = 1, .step_scale = step_scale, .pixel_rays = pixel_rays};
+      return field->Render(train.cameras[0], train.frames[0].world_from_cam, render).rgb;
+    };
+    EXPECT_EQ(rgb(0, 0), opaque ? rgb(1, 0.5f) : rgb(4, 0.7f)) << "several rays are for bounded scenes";
+    EXPECT_NE(rgb(1, 0.5f), rgb(4, 0.7f));
+  }
+}
+
+TEST(Checkpoint, EveryDamageIsRejectedByName) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 4, 0);
+  Train(train, {}, SmallOptions(3), dir.path());
+  const std::string good = io::ReadFile(dir.path() / "checkpoint.bin");
+  const auto verdict = [&](const std::string& bytes) {
+    io::WriteFileAtomically(dir.path() / "bad.bin", bytes);
+    try {
+      TrainedField::Load(dir.path() / "bad.bin");
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.code(), io::ExitCode::kBadState);
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_EQ(verdict(good), "accepted");
+  EXPECT_NE(verdict("").find("not a checkpoint"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, 30)).find("not a checkpoint"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, 100)).find("cut off"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, good.size() - 1)).find("cut off"), std::string::npos);
+  EXPECT_NE(verdict(good + "x").find("after its last"), std::string::npos);
+  int flipped = 0;
+  for (std::size_t at = 0; at < good.size(); at += good.size() / 60, ++flipped) {
+    std::string bad = good;
+    bad[at] = static_cast<char>(bad[at] ^ 0x10);
+    EXPECT_NE(verdict(bad), "accepted") << "flipped byte " << at;
+  }
+  EXPECT_GE(flipped, 60);
+  TrainState state;
+  const auto scene_field = ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
+  scene_field->pixel_rays = 2;
+  WriteCheckpoint(dir.path() / "two_rays.bin", scene_field.get(), state);
+  EXPECT_NE(verdict(io::ReadFile(dir.path() / "two_rays.bin")).find("pixel_rays"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace nerf

@@ -1,0 +1,176 @@
+// pipeline/stage/options.h: one line per option gives flag, config key, origin and written-back value.
+#include "pipeline/stage/options.h"
+
+#include <nlohmann/json.hpp>
+
+#include "io/base/error.h"
+#include "tests/support/temp_dir.h"
+
+namespace {
+
+using io::ExitCode;
+using pipeline::Options;
+
+struct Fields {
+  bool depth = false, white = true;
+  int steps = 100;
+  std::uint64_t seed = 7;
+  double rate = 0.01;
+  std::string name = "hash";
+  std::filesystem::path out, input;
+};
+
+// Parses `arguments` into fresh fields.
+struct Parsed {
+  explicit Parsed(std::vector<const char*> arguments) {
+    options.AddPositional("INPUT", &fields.input, "what to read", false);
+    options.Add("depth", &fields.depth, "a switch");
+    options.Add("white", &fields.white, "a switch that is on");
+    options.Add("steps", &fields.steps, "a count");
+    options.Add("seed", &fields.seed, "a seed");
+    options.Add("rate", &fields.rate, "a rate");
+    options.Add("name", &fields.name, "a text");
+    options.Add("out", &fields.out, "a folder", false);
+    arguments.insert(arguments.begin(), "pipeline test");
+    wants_run = options.Parse(static_cast<int>(arguments.size()), arguments.data());
+  }
+  nlohmann::json Resolved() const { return nlohmann::json::parse(options.ResolvedJson()); }
+
+  Fields fields;
+  Options options{"pipeline test", "Tests."};
+  bool wants_run = false;
+};
+
+TEST(Options, FlagsInBothSpellingsReachTheFields) {
+  const Parsed parsed({"in put",
+                       "--steps",
+                       "-5",
+                       "--rate=2.5e-3",
+                       "--depth",
+                       "--no-white",
+                       "--name=a=b",
+                       "--out",
+                       "/x y",
+                       "--seed",
+                       "18446744073709551615"});
+  EXPECT_TRUE(parsed.wants_run);
+  EXPECT_EQ(parsed.fields.input, "in put");
+  EXPECT_EQ(parsed.fields.steps, -5);
+  EXPECT_EQ(parsed.fields.rate, 2.5e-3);
+  EXPECT_TRUE(parsed.fields.depth);
+  EXPECT_FALSE(parsed.fields.white);
+  EXPECT_EQ(parsed.fields.name, "a=b");
+  EXPECT_EQ(parsed.fields.out, "/x y");
+  EXPECT_EQ(parsed.fields.seed, UINT64_MAX);
+  EXPECT_EQ(parsed.options.ValueText("steps"), "-5");
+  EXPECT_EQ(parsed.options.ValueText("depth"), "true");
+  EXPECT_EQ(parsed.options.ValueText("out"), "/x y");
+}
+
+TEST(Options, DefaultsAndOriginsAreWrittenBack) {
+  const TempDir dir;
+  WriteText(dir / "c.json", R"({"steps": 9, "depth": true, "name": "mlp", "rate": 1})");
+  const std::string config = (dir / "c.json").string();
+  Parsed parsed({"--config", config.c_str(), "--steps=11"});
+  EXPECT_EQ(parsed.fields.steps, 11);  // the flag wins, wherever it stands
+  EXPECT_EQ(parsed.fields.rate, 1);
+  EXPECT_TRUE(parsed.fields.depth);
+  parsed.options.SetMeasured("seed");
+  const auto resolved = parsed.Resolved();
+  EXPECT_EQ(resolved["steps"], (nlohmann::json{{"value", 11}, {"origin", "flag"}}));
+  EXPECT_EQ(resolved["name"], (nlohmann::json{{"value", "mlp"}, {"origin", "file"}}));
+  EXPECT_EQ(resolved["white"], (nlohmann::json{{"value", true}, {"origin", "default"}}));
+  EXPECT_EQ(resolved["seed"]["origin"], "measured");
+  EXPECT_TRUE(parsed.options.IsSetByUser("steps"));
+  EXPECT_TRUE(parsed.options.IsSetByUser("name"));
+  EXPECT_FALSE(parsed.options.IsSetByUser("white"));
+  EXPECT_FALSE(parsed.options.IsSetByUser("seed"));
+}
+
+TEST(Options, UnknownNamesAreUsageErrorsWithTheNearest) {
+  EXPECT_ERROR(Parsed({"--step", "3"}), ExitCode::kUsage, "unknown option 'step'. Did you mean --steps?");
+  EXPECT_ERROR(Parsed({"--dept"}), ExitCode::kUsage, "Did you mean --depth?");
+  EXPECT_ERROR(Parsed({"--no-dept"}), ExitCode::kUsage, "Did you mean --depth?");
+  EXPECT_ERROR(Parsed({"-s", "3"}), ExitCode::kUsage, "unknown option '-s'");
+  EXPECT_ERROR(Parsed({"a", "b"}), ExitCode::kUsage, "unexpected argument 'b'");
+}
+
+TEST(Options, BadValuesNameTheOptionAndTheValue) {
+  for (const char* value : {"x", "", "5x", "1.5", "99999999999"})
+    EXPECT_ERROR(Parsed({"--steps", value}), ExitCode::kUsage, "--steps: '" + std::string(value) + "'");
+  for (const char* value : {"nan", "inf", "1e999", "1,5"})
+    EXPECT_ERROR(Parsed({"--rate", value}), ExitCode::kUsage, "--rate: '" + std::string(value) + "'");
+  EXPECT_ERROR(Parsed({"--seed", "-1"}), ExitCode::kUsage, "--seed");
+  EXPECT_ERROR(Parsed({"--depth=maybe"}), ExitCode::kUsage, "neither true nor false");
+  EXPECT_ERROR(Parsed({"--no-depth=true"}), ExitCode::kUsage, "takes no value");
+  EXPECT_ERROR(Parsed({"--no-steps"}), ExitCode::kUsage, "no switch");
+  EXPECT_ERROR(Parsed({"--steps"}), ExitCode::kUsage, "--steps needs a value");
+}
+
+TEST(Options, ConfigFilesAreReadStrictly) {
+  const TempDir dir;
+  const std::string path = (dir / "c.json").string();
+  const auto parse = [&](const std::string& text) {
+    WriteText(path, text);
+    Parsed({"--config", path.c_str()});
+  };
+  EXPECT_ERROR(parse(R"({"stepz": 3})"), ExitCode::kUsage, "Did you mean --steps?");
+  EXPECT_ERROR(parse(R"({"steps": "3"})"), ExitCode::kUsage, "\"steps\": \"3\" has the wrong type");
+  EXPECT_ERROR(parse(R"({"steps": 3.5})"), ExitCode::kUsage, "--steps: '3.5'");
+  EXPECT_ERROR(parse(R"({"steps": null})"), ExitCode::kUsage, "wrong type");
+  EXPECT_ERROR(parse(R"({"out": 3})"), ExitCode::kUsage, "wrong type");
+  EXPECT_ERROR(parse(R"({"depth": 1})"), ExitCode::kUsage, "wrong type");
+  EXPECT_ERROR(parse(R"({"steps": 3, "steps": 4})"), ExitCode::kUsage, "given twice");
+  EXPECT_ERROR(parse(R"({"rate": 1e400})"), ExitCode::kUsage, "c.json");
+  EXPECT_ERROR(parse("[1]"), ExitCode::kUsage, "not a JSON object");
+  EXPECT_ERROR(parse("{\"steps\":"), ExitCode::kUsage, "line 1");
+  EXPECT_ERROR(Parsed({"--config", "/none.json"}), ExitCode::kBadInput, "/none.json");
+}
+
+TEST(Options, DoubleDashEndsOptionsAndRequiredInputIsDemanded) {
+  EXPECT_EQ(Parsed({"--", "-odd"}).fields.input, "-odd");
+  Options options("pipeline test", "Tests.");
+  std::filesystem::path input;
+  options.AddPositional("INPUT", &input, "what to read", true);
+  const char* argv[] = {"pipeline test"};
+  EXPECT_ERROR(options.Parse(1, argv), ExitCode::kUsage, "INPUT is missing");
+}
+
+TEST(Options, KeyHoldsExactlyWhatAffectsTheResult) {
+  const std::string base = Parsed({}).options.KeyText();
+  EXPECT_EQ(Parsed({"other input", "--out=/elsewhere"}).options.KeyText(), base);
+  EXPECT_EQ(Parsed({"--steps=100"}).options.KeyText(), base);  // the value counts, not who gave it
+  EXPECT_NE(Parsed({"--steps=101"}).options.KeyText(), base);
+  EXPECT_NE(Parsed({"--no-white"}).options.KeyText(), base);
+}
+
+TEST(Options, NamesThatAreNotUtf8AreWrittenBackAsValidJson) {
+  const Parsed parsed({"--out", "caf\xe9"});
+  EXPECT_EQ(parsed.fields.out, "caf\xe9");
+  EXPECT_TRUE(parsed.Resolved().is_object());
+}
+
+TEST(Options, HelpListsEveryOptionWithItsDefault) {
+  testing::internal::CaptureStdout();
+  const Parsed parsed({"--help", "--nonsense"});
+  const std::string help = testing::internal::GetCapturedStdout();
+  EXPECT_FALSE(parsed.wants_run);
+  EXPECT_TRUE(help.starts_with("usage: pipeline test [INPUT] [options]\n\nTests.\n"));
+  for (const char* part :
+       {"--depth", "a switch [false]", "--steps", "[100]", "[0.01]", "[\"hash\"]", "--config"})
+    EXPECT_NE(help.find(part), std::string::npos) << part;
+}
+
+TEST(Options, DurationsAndNearestNames) {
+  EXPECT_EQ(pipeline::ParseDuration("time", "90"), 90);
+  EXPECT_EQ(pipeline::ParseDuration("time", "20s"), 20);
+  EXPECT_EQ(pipeline::ParseDuration("time", "1.5m"), 90);
+  EXPECT_EQ(pipeline::ParseDuration("time", "2h"), 7200);
+  for (const char* text : {"", "m", "5x", "-3s", "nan", "5 m", "5mm"})
+    EXPECT_ERROR(
+        pipeline::ParseDuration("time", text), ExitCode::kUsage, "--time: '" + std::string(text) + "'");
+  EXPECT_EQ(pipeline::NearestName("trian", {"train", "render", "sfm"}), "train");
+  EXPECT_EQ(pipeline::NearestName("x", {}), "");
+}
+
+}  // namespace

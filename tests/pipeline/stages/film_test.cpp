@@ -1,0 +1,137 @@
+// The film: right number of frames, resumed where it stopped, frames kept when the encoder fails.
+#include "pipeline/stages/film.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/image/image.h"
+#include "tests/support/require_program.h"
+#include "tests/support/sphere_field.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using tests::SphereField;
+
+class FilmTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("film test " + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    scene_ = tests::RingScene(10, 81, 61, [](int) { return "unused.png"; });
+    options_.frames = 6;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  static int CountFrames(const fs::path& mp4) {
+    cv::VideoCapture capture(mp4.string());
+    int n = 0;
+    for (cv::Mat frame; capture.read(frame);) ++n;
+    return n;
+  }
+
+  fs::path folder_;
+  io::Scene scene_;
+  pipeline::FilmOptions options_;
+};
+
+TEST_F(FilmTest, FilmAndDepthHaveAllFramesAndEvenSize) {
+  options_.depth = true;
+  const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+  EXPECT_EQ(film.rendered, 6);
+  EXPECT_EQ(film.camera.width, 82);
+  EXPECT_EQ(film.camera.height % 2, 0);
+  EXPECT_EQ(CountFrames(folder_ / "novel_view.mp4"), 6);
+  EXPECT_EQ(CountFrames(folder_ / "depth.mp4"), 6);
+  EXPECT_EQ(film.videos.size(), 2u);
+  EXPECT_GT(film.videos[0].cpu_s, 0);
+  const io::Image depth = io::ReadImage(folder_ / "depth_frames" / "000001.png");
+  EXPECT_EQ(depth.Pixel(0, 0)[0] + depth.Pixel(0, 0)[1] + depth.Pixel(0, 0)[2], 0);  // the ray left the scene
+  const std::uint8_t* centre = depth.Pixel(depth.width / 2, depth.height / 2);
+  EXPECT_GT(centre[2], centre[0]);  // 3 units away in [2, 6]: the blue end
+}
+
+TEST_F(FilmTest, RaysPerPixelReachTheField) {
+  options_.pixel_rays = 9;
+  const SphereField field;
+  pipeline::RenderFilm(field, scene_, options_, folder_);
+  EXPECT_EQ(field.last_options.pixel_rays, 9);
+}
+
+TEST_F(FilmTest, WidthScalesTheCamera) {
+  const io::Camera camera = pipeline::FilmCamera(scene_, 41);
+  EXPECT_EQ(camera.width, 42);
+  EXPECT_NEAR(camera.fl_x, 1.3 * 42, 1e-9);
+  EXPECT_NEAR(camera.cx, 21, 1e-9);
+}
+
+TEST_F(FilmTest, ContinuesAtTheFirstMissingFrame) {
+  pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+  const std::string before = io::ReadFile(folder_ / "frames" / "000004.png");
+  fs::remove(folder_ / "frames" / "000003.png");
+  fs::remove(folder_ / "novel_view.mp4");
+  const SphereField field;
+  const pipeline::Film film = pipeline::RenderFilm(field, scene_, options_, folder_);
+  EXPECT_EQ(field.n_renders, 1);
+  EXPECT_EQ(film.rendered, 1);
+  EXPECT_EQ(io::ReadFile(folder_ / "frames" / "000004.png"), before);
+  EXPECT_EQ(CountFrames(folder_ / "novel_view.mp4"), 6);
+}
+
+// Stand-ins for ffmpeg, first on PATH.
+class FilmWithoutEncoderTest : public FilmTest {
+ protected:
+  void SetUp() override {
+    FilmTest::SetUp();
+    old_path_ = std::getenv("PATH");
+  }
+  void TearDown() override {
+    setenv("PATH", old_path_.c_str(), 1);
+    FilmTest::TearDown();
+  }
+  void Install(const std::string& script) {
+    const fs::path program = folder_ / "bin" / "ffmpeg";
+    fs::create_directories(program.parent_path());
+    std::ofstream(program) << "#!/bin/sh\n" << script;
+    fs::permissions(program, fs::perms::owner_all);
+    setenv("PATH", program.parent_path().c_str(), 1);
+  }
+  std::string old_path_;
+};
+
+TEST_F(FilmWithoutEncoderTest, NothingIsRenderedWhenNoEncoderWorks) {
+  Install("exit 1\n");
+  const SphereField field;
+  try {
+    pipeline::RenderFilm(field, scene_, options_, folder_);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.code(), io::ExitCode::kMissingTool);
+  }
+  EXPECT_EQ(field.n_renders, 0);
+}
+
+TEST_F(FilmWithoutEncoderTest, EncoderThatFailsLaterLeavesTheFrames) {
+  REQUIRE_PROGRAM("ffmpeg");
+  Install("case \"$*\" in *probe*) exec /usr/bin/ffmpeg \"$@\";; esac\necho disk on fire >&2\nexit 1\n");
+  try {
+    pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.code(), io::ExitCode::kMissingTool);
+    EXPECT_NE(std::string(error.what()).find("disk on fire"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("frames"), std::string::npos) << error.what();
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "frames" / "000006.png"));
+  EXPECT_FALSE(fs::exists(folder_ / "novel_view.mp4"));
+}
+
+}  // namespace

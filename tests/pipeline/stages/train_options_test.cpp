@@ -1,0 +1,58 @@
+// pipeline/stages/train_options.h: what the flags of `pipeline train` resolve to.
+#include "pipeline/stages/train_options.h"
+
+#include <gtest/gtest.h>
+
+#include "io/base/error.h"
+#include "nerf/kernels/kernels.h"
+
+namespace pipeline {
+namespace {
+
+nerf::TrainOptions Resolve(std::vector<const char*> arguments) {
+  arguments.insert(arguments.begin(), "pipeline train");
+  TrainFlags flags;
+  Options options("pipeline train", "Tests.");
+  AddTrainOptions(&options, &flags);
+  EXPECT_TRUE(options.Parse(static_cast<int>(arguments.size()), arguments.data()));
+  return ResolvedTrainOptions(options, flags);
+}
+
+TEST(TrainOptions, PrecisionOfTheHashField) {
+  struct Case {
+    const char* flag;
+    bool table, network;
+  };
+  const bool bf16 = nerf::kernels::HasBf16Products();
+  for (const Case& c : {Case{"--precision=fp32", false, false},
+                        {"--precision=bf16-table", true, false},
+                        {"--precision=bf16-network", false, true},
+                        {"--precision=bf16", true, true},
+                        {"--precision=auto", bf16, bf16}}) {
+    const nerf::SceneFieldOptions field = Resolve({c.flag}).field;
+    EXPECT_EQ(field.bf16_table, c.table) << c.flag;
+    EXPECT_EQ(field.bf16_network, c.network) << c.flag;
+  }
+}
+
+TEST(TrainOptions, UnknownPrecisionIsNamed) {
+  for (const char* field : {"--field=hash", "--field=nerf"}) {
+    try {
+      Resolve({field, "--precision=fp8"});
+      FAIL() << field;
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.code(), io::ExitCode::kUsage);
+      EXPECT_NE(std::string(error.what()).find("--precision: 'fp8'"), std::string::npos) << error.what();
+    }
+  }
+  EXPECT_THROW(Resolve({"--field=nerf", "--precision=bf16-table"}), io::Error);
+}
+
+TEST(TrainOptions, BatchAndRateAreTheFieldsOwnUnlessGiven) {
+  EXPECT_EQ(Resolve({}).samples_per_step, nerf::TrainOptions().samples_per_step);
+  EXPECT_EQ(Resolve({"--batch=4096"}).samples_per_step, 4096);
+  EXPECT_EQ(nerf::ScheduleOf(Resolve({"--learning-rate=0.5"}), true).learning_rate, 0.5);
+}
+
+}  // namespace
+}  // namespace pipeline

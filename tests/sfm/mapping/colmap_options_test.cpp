@@ -1,0 +1,98 @@
+// Option names of COLMAP 3.8, 3.13 and 4.0, from shortened help texts.
+#include "sfm/mapping/colmap_options.h"
+
+#include <gtest/gtest.h>
+
+#include "io/base/error.h"
+
+namespace {
+
+constexpr const char* kExtractor38 = R"(
+  --ImageReader.single_camera arg (=0)
+  --SiftExtraction.num_threads arg (=-1)
+  --SiftExtraction.use_gpu arg (=1)
+  --SiftExtraction.max_image_size arg (=3200)
+  --SiftExtraction.max_num_features arg (=8192)
+)";
+constexpr const char* kMatcher38 = R"(
+  --match_list_path arg
+  --SiftMatching.num_threads arg (=-1)
+  --SiftMatching.use_gpu arg (=1)
+  --SiftMatching.max_num_matches arg (=32768)
+)";
+constexpr const char* kMapper =
+    "  --Mapper.num_threads arg (=-1)\n  --Mapper.ba_global_images_ratio arg (=1.1)\n";
+
+constexpr const char* kExtractor313 = R"(
+  --FeatureExtraction.num_threads arg (=-1)
+  --FeatureExtraction.use_gpu arg (=1)
+  --FeatureExtraction.gpu_index arg (=-1)
+  --SiftExtraction.max_image_size arg (=3200)
+  --SiftExtraction.max_num_features arg (=8192)
+)";
+constexpr const char* kExtractor40 = R"(
+  --FeatureExtraction.type arg (=SIFT)
+  --FeatureExtraction.max_image_size arg (=-1)
+  --FeatureExtraction.num_threads arg (=-1)
+  --FeatureExtraction.use_gpu arg (=1)
+  --SiftExtraction.max_num_features arg (=8192)
+  --AlikedExtraction.max_num_features arg (=2048)
+)";
+constexpr const char* kMatcher313 = R"(
+  --FeatureMatching.num_threads arg (=-1)
+  --FeatureMatching.use_gpu arg (=1)
+  --SiftMatching.max_ratio arg (=0.8)
+)";
+
+TEST(ColmapOptions, Names38) {
+  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper);
+  EXPECT_EQ(flags.extraction_use_gpu, "--SiftExtraction.use_gpu");
+  EXPECT_EQ(flags.extraction_threads, "--SiftExtraction.num_threads");
+  EXPECT_EQ(flags.extraction_image_size, "--SiftExtraction.max_image_size");
+  EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
+  EXPECT_EQ(flags.matching_use_gpu, "--SiftMatching.use_gpu");
+  EXPECT_EQ(flags.matching_threads, "--SiftMatching.num_threads");
+  EXPECT_EQ(flags.mapper_threads, "--Mapper.num_threads");
+}
+
+TEST(ColmapOptions, Names313) {
+  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor313, kMatcher313, kMapper);
+  EXPECT_EQ(flags.extraction_use_gpu, "--FeatureExtraction.use_gpu");
+  EXPECT_EQ(flags.extraction_image_size, "--SiftExtraction.max_image_size");
+  EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
+  EXPECT_EQ(flags.matching_use_gpu, "--FeatureMatching.use_gpu");
+}
+
+TEST(ColmapOptions, Names40) {
+  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor40, kMatcher313, kMapper);
+  EXPECT_EQ(flags.extraction_image_size, "--FeatureExtraction.max_image_size");
+  EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
+  EXPECT_EQ(flags.matching_threads, "--FeatureMatching.num_threads");
+}
+
+TEST(ColmapOptions, AMissingOptionIsNamedAndALongerOneIsNotTakenForIt) {
+  try {
+    sfm::ParseColmapHelp(
+        kExtractor38, "  --SiftMatching.use_gpu_index arg\n  --SiftMatching.num_threads arg", kMapper);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.code(), io::ExitCode::kMissingTool);
+    EXPECT_NE(std::string(error.what())
+                  .find("matches_importer has no option --FeatureMatching.use_gpu or "
+                        "--SiftMatching.use_gpu"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+TEST(ColmapOptions, MapperOptionsAreThoseTheMapperLists) {
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper).mapper_options,
+            (std::vector<std::string>{"--Mapper.ba_global_images_ratio", "1.5"}));
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38,
+                                 kMatcher38,
+                                 "  --Mapper.num_threads arg\n  --Mapper.ba_global_frames_ratio arg (=1.1)\n")
+                .mapper_options,
+            (std::vector<std::string>{"--Mapper.ba_global_frames_ratio", "1.5"}));
+}
+
+}  // namespace

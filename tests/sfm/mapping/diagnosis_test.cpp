@@ -1,0 +1,127 @@
+// Each cause of failure, from evidence made by hand.
+#include "sfm/mapping/diagnosis.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using sfm::PairGeometry;
+
+sfm::CaptureEvidence Evidence(int n, int features, double scale_px, int inliers, PairGeometry geometry) {
+  sfm::CaptureEvidence evidence;
+  for (int i = 0; i < n; ++i) evidence.features.push_back({std::to_string(i), features, scale_px});
+  for (int i = 0; i + 1 < n; ++i) {
+    evidence.pairs.push_back({std::to_string(i), std::to_string(i + 1), inliers, geometry});
+  }
+  return evidence;
+}
+
+// n cameras on an arc of `span_deg` around the origin, which holds all points.
+io::ColmapModel Arc(int n, double span_deg) {
+  io::ColmapModel model;
+  model.mean_reprojection_error_px = 0.5;
+  io::Point3D point;
+  for (int i = 0; i < n; ++i) {
+    const double angle = span_deg / 180 * EIGEN_PI * i / (n - 1);
+    io::Frame frame;
+    frame.world_from_cam.translation = Eigen::Vector3d(std::sin(angle), 0, std::cos(angle)) * 4;
+    frame.image_path = std::to_string(i);
+    model.scene.frames.push_back(frame);
+    point.frame_indices.push_back(i);
+  }
+  for (int i = 0; i < 12; ++i) {
+    point.xyz = 1e-12 * Eigen::Vector3d(i % 2, i / 2 % 2, i / 4);  // a point, seen from 4
+    model.scene.points.push_back(point);
+  }
+  return model;
+}
+
+void ExpectCause(const std::string& cause, const std::string& name) {
+  EXPECT_EQ(cause.substr(0, name.size() + 1), name + ":") << cause;
+}
+
+TEST(Diagnosis, CausesOfFailure) {
+  ExpectCause(sfm::FailureCause(Evidence(2, 2000, 2, 300, PairGeometry::kGeneral), 0), "too few pictures");
+  ExpectCause(sfm::FailureCause(Evidence(20, 40, 2, 0, PairGeometry::kGeneral), 0), "no texture");
+  ExpectCause(sfm::FailureCause(Evidence(20, 0, 0, 0, PairGeometry::kGeneral), 0), "no texture");
+  ExpectCause(sfm::FailureCause(Evidence(20, 40, 7, 0, PairGeometry::kGeneral), 0), "blur");
+  ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 300, PairGeometry::kPlanarOrRotation), 0),
+              "no baseline");
+  ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 16, PairGeometry::kGeneral), 3), "no overlap");
+  // All linked, as in a walk straight ahead: more overlap would not help.
+  sfm::CaptureEvidence linked = Evidence(20, 2000, 2, 300, PairGeometry::kGeneral);
+  ExpectCause(sfm::FailureCause(linked, 3), "no consistent model");
+  linked.pairs[9].inliers = 16;  // two halves
+  const std::string halves = sfm::FailureCause(linked, 10);
+  ExpectCause(halves, "no overlap");
+  EXPECT_NE(halves.find("matches has 10"), std::string::npos) << halves;
+}
+
+TEST(Diagnosis, TriangulationAngleOfAnArcIsItsSpan) {
+  EXPECT_NEAR(sfm::MedianTriangulationAngleDeg(Arc(5, 30).scene), 30, 1e-9);
+  EXPECT_NEAR(sfm::MedianTriangulationAngleDeg(Arc(5, 1e-5).scene), 1e-5, 1e-12);
+  EXPECT_EQ(sfm::MedianTriangulationAngleDeg({}), 0);
+}
+
+TEST(Diagnosis, AGoodModelIsAccepted) {
+  EXPECT_FALSE(
+      sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kGeneral)).has_value());
+}
+
+TEST(Diagnosis, PointsOnALineAreNoModel) {
+  io::ColmapModel model = Arc(12, 40);
+  EXPECT_GT(sfm::LineRatio(model.scene), 0.3);
+  for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
+    model.scene.points[i].xyz =
+        Eigen::Vector3d(0.1, 0.2, 0.3) * static_cast<double>(i) + 1e-3 * Eigen::Vector3d(i % 2, i % 3, 0);
+  }
+  EXPECT_LT(sfm::LineRatio(model.scene), 0.01);
+  const auto cause = sfm::RefusalCause(model, Evidence(12, 2000, 2, 200, PairGeometry::kGeneral));
+  ASSERT_TRUE(cause);
+  ExpectCause(*cause, "no consistent model");
+}
+
+TEST(Diagnosis, ModelsThatMustBeRefused) {
+  const auto good = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
+  ExpectCause(sfm::RefusalCause(Arc(10, 1.0), good).value(), "no baseline");
+  ExpectCause(
+      sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kPlanarOrRotation)).value(),
+      "no baseline");
+  const auto weak = Evidence(10, 2000, 2, 16, PairGeometry::kGeneral);
+  ExpectCause(sfm::RefusalCause(Arc(2, 60), weak).value(), "no overlap");
+  ExpectCause(sfm::RefusalCause(Arc(2, 60), good).value(), "no consistent model");
+  io::ColmapModel inaccurate = Arc(10, 60);
+  inaccurate.mean_reprojection_error_px = 5;
+  ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+  inaccurate.mean_reprojection_error_px = std::nan("");
+  ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+}
+
+TEST(Diagnosis, HomographiesBetweenClosePicturesAreNormal) {
+  // Neighbours 3 degrees apart are explained by homographies, pictures 30 degrees apart are not.
+  auto evidence = Evidence(21, 2000, 2, 300, PairGeometry::kPlanarOrRotation);
+  evidence.pairs.push_back({"0", "10", 200, PairGeometry::kGeneral});
+  EXPECT_GT(sfm::HomographyShare(evidence.pairs), 0.9);
+  EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 0);
+  EXPECT_FALSE(sfm::RefusalCause(Arc(21, 60), evidence).has_value());
+  evidence.pairs.back().geometry = PairGeometry::kPlanarOrRotation;
+  EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 1);
+}
+
+TEST(Diagnosis, PairsWithLittleSupportSayNothingAboutRotation) {
+  auto evidence = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
+  for (int i = 0; i < 100; ++i) evidence.pairs.push_back({"0", "5", 16, PairGeometry::kPlanarOrRotation});
+  EXPECT_EQ(sfm::HomographyShare(evidence.pairs), 0);
+  EXPECT_EQ(sfm::HomographyShare({}), 0);
+}
+
+TEST(Diagnosis, CausesOfOneMissingPicture) {
+  sfm::CaptureEvidence evidence{.features = {{"a", 50, 2}, {"b", 50, 8}, {"c", 2000, 2}, {"d", 2000, 2}},
+                                .pairs = {{"c", "a", 17}, {"d", "a", 120}}};
+  ExpectCause(sfm::UnregisteredCause("a", evidence), "no texture");
+  ExpectCause(sfm::UnregisteredCause("b", evidence), "blur");
+  EXPECT_EQ(sfm::UnregisteredCause("c", evidence), "no overlap: its best pair shares 17 matches");
+  ExpectCause(sfm::UnregisteredCause("d", evidence), "no consistent model");
+}
+
+}  // namespace
