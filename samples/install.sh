@@ -1,12 +1,14 @@
-# Sourced by samples/run.sh and tests/run.sh: installs the Debian packages of samples/packages.txt that are missing.
+# Sourced by samples/run.sh and tests/run.sh: installs Debian packages that are missing.
 
+# install_packages ROOT [LIST...]: those of samples/packages.txt, and of further lists relative to ROOT.
 install_packages() {
   local root="$1" package missing=()
+  shift
   while read -r package; do
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
-  done < "$root/samples/packages.txt"
+  done < <(cd "$root" && cat samples/packages.txt "$@")
   if [ ${#missing[@]} -eq 0 ]; then
-    echo "install: every package of samples/packages.txt is there"
+    echo "install: every package is there"
     return
   fi
   echo "install: apt-get install ${missing[*]}"

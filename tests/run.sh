@@ -4,7 +4,7 @@ set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$root"
 source samples/install.sh
-install_packages "$root"
+install_packages "$root" tests/packages.txt
 
 echo "build: preset dev"
 cmake --preset dev
