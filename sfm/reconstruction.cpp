@@ -272,7 +272,7 @@ class Session {
 
   void Adjust() {
     const io::Stopwatch stopwatch;
-    CameraChoiceOptions options{.camera_model = options_.camera_model};
+    CameraModelOptions options{.camera_model = options_.camera_model};
     std::map<std::string, double> focals;
     for (const CameraGroup& group : best_->views->groups) {
       for (const std::string& name : group.names) focals[name] = group.focal_px;
@@ -283,7 +283,7 @@ class Session {
           focals.at(frame.image_path.string());
     }
     SetSigmas(best_->views->names, best_->views->features, &result_.model);
-    result_.uncertainty = AdjustWithNeededCamera(&result_.model, options, decide_).uncertainty;
+    result_.uncertainty = AdjustWithSelectedCameraModel(&result_.model, options, decide_).uncertainty;
     result_.times.adjusting_s += stopwatch.seconds();
   }
 
