@@ -11,6 +11,7 @@
 
 #include "io/base/json_reader.h"
 #include "io/image/image_size.h"
+#include "io/scene/decomposition.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms_camera.h"
 

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
 
 #include "io/base/median.h"
+#include "io/scene/decomposition.h"
 
 namespace sfm {
 namespace {
@@ -160,7 +160,7 @@ double LineRatio(const io::Scene& scene) {
   offsets.resize((offsets.size() + 1) / 2);
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& offset : offsets) scatter += offset * offset.transpose();
-  const Eigen::Vector3d eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  const Eigen::Vector3d eigenvalues = io::EigenDecomposition(scatter).values;
   return eigenvalues[2] > 0 ? std::sqrt(std::max(0.0, eigenvalues[1]) / eigenvalues[2]) : 0;
 }
 

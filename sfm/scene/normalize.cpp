@@ -1,12 +1,12 @@
 #include "sfm/scene/normalize.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "io/base/error.h"
 #include "io/base/format.h"
 #include "io/base/median.h"
+#include "io/scene/decomposition.h"
 
 namespace sfm {
 namespace {
@@ -141,9 +141,8 @@ std::optional<Eigen::Vector3d> NearestToAxes(const std::vector<io::Frame>& frame
     b += across * Centre(frames[i]);
     count += 1;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
-  if (!(eigen.eigenvalues()[0] > kMinAxisSpread * count)) return std::nullopt;
-  return a.ldlt().solve(b);
+  if (!(io::EigenDecomposition(a).values[0] > kMinAxisSpread * count)) return std::nullopt;
+  return io::SolveSymmetric(a, b);
 }
 
 std::optional<Eigen::Vector3d> FocusPoint(const std::vector<io::Frame>& frames) {
@@ -171,7 +170,7 @@ std::optional<Eigen::Matrix3d> UprightRotation(const std::vector<io::Frame>& fra
   for (const io::Frame& frame : frames) up += frame.world_from_cam.rotation.col(1);
   up /= static_cast<double>(frames.size());
   if (up.norm() < kMinMeanUp) return std::nullopt;
-  return Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return io::RotationBetween(up, Eigen::Vector3d::UnitZ());
 }
 
 io::Aabb CubeAround(const Eigen::Vector3d& centre, double half_side) {
