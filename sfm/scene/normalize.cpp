@@ -1,10 +1,11 @@
 #include "sfm/scene/normalize.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "io/base/error.h"
-#include "io/base/format.h"
 #include "io/base/median.h"
 #include "io/scene/decomposition.h"
 
@@ -13,7 +14,6 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using io::Format;
 
 constexpr double kNear = 2, kFar = 6;
 constexpr double kDistance = 0.5 * (kNear + kFar);  // of the median camera from the focus when unbounded
@@ -60,9 +60,10 @@ Eigen::Vector3d MedianPoint(const std::vector<Eigen::Vector3d>& points) {
 
 void CheckFrames(const io::Scene& scene) {
   if (scene.frames.size() < kMinFrames) {
-    throw Error(ExitCode::kNotReconstructible,
-                "only " + std::to_string(scene.frames.size()) + " posed pictures, at least 3 are needed",
-                "Take more pictures from different places");
+    throw Error(
+        ExitCode::kNotReconstructible,
+        fmt::format("only {} posed pictures, at least {} are needed", scene.frames.size(), kMinFrames),
+        "Take more pictures from different places");
   }
   const Eigen::Vector3d first = Centre(scene.frames[0]);
   for (const io::Frame& frame : scene.frames) {
@@ -245,19 +246,18 @@ NormalizeReport NormalizeScene(const io::Scene& scene) {
   io::Sim3d scene_from_input;
   if (is_bounded) {
     scene_from_input.scale = (kNear + kFar) / (range.n + range.f);
-    decide(
-        Format("scale: depths have the ratio %.2f <= 3, so near 2 and far 6 hold them all", report.f_over_n));
+    decide(fmt::format("scale: depths have the ratio {:.2f} <= 3, so near 2 and far 6 hold them all",
+                       report.f_over_n));
   } else {
     std::vector<double> distances;
     for (const io::Frame& frame : scene.frames) distances.push_back((Centre(frame) - report.focus).norm());
     scene_from_input.scale = kDistance / (focus ? io::Median(distances) : range.median);
-    decide(
-        range.IsKnown()
-            ? Format(
-                  "scale: depths have the ratio %.2f > 3, so near 2 and far 6 hold the region of interest at "
-                  "the centre; the space outside is unbounded",
-                  report.f_over_n)
-            : "scale: no sparse points, so the median camera stands 4 from the centre; coverage unknown");
+    decide(range.IsKnown()
+               ? fmt::format("scale: depths have the ratio {:.2f} > 3, so near 2 and far 6 hold the region "
+                             "of interest at "
+                             "the centre; the space outside is unbounded",
+                             report.f_over_n)
+               : "scale: no sparse points, so the median camera stands 4 from the centre; coverage unknown");
   }
   if (upright) scene_from_input.rotation = *upright;
   scene_from_input.translation = -scene_from_input.scale * (scene_from_input.rotation * report.focus);
@@ -273,9 +273,10 @@ NormalizeReport NormalizeScene(const io::Scene& scene) {
   report.depth_max = scene_from_input.scale * range.f;
   MeasureCoverage(depths, scene_from_input.scale, &report);
   if (report.coverage) {
-    decide(Format("coverage: %.2f %% of the observations lie between near and far, %.2f %% beyond near",
-                  100 * *report.coverage,
-                  100 * *report.coverage_near));
+    decide(
+        fmt::format("coverage: {:.2f} % of the observations lie between near and far, {:.2f} % beyond near",
+                    100 * *report.coverage,
+                    100 * *report.coverage_near));
   }
   return report;
 }
