@@ -1,7 +1,6 @@
 #include "sfm/mapping/colmap.h"
 
 #include <fmt/format.h>
-
 #include <signal.h>
 #include <unistd.h>
 
