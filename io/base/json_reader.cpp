@@ -27,7 +27,7 @@ struct JsonNode {
 namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t{256} << 20;
-constexpr std::size_t kMaxDepth = 64;           // honest files have 4 levels
+constexpr std::size_t kMaxDepth = 64;           // real files have 4 levels
 constexpr std::size_t kMaxValues = 8'000'000;   // 300,000 frames; bounds the tree to about 500 MB
 constexpr std::size_t kMaxMessageLength = 200;  // parse errors quote the input, which may be one endless line
 

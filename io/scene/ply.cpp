@@ -19,7 +19,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "PLY bytes are copied as they lie in memory");
 
-constexpr std::size_t kMaxHeaderBytes = 64 * 1024;  // an honest header has a dozen short lines
+constexpr std::size_t kMaxHeaderBytes = 64 * 1024;  // real headers have a dozen short lines
 constexpr std::size_t kBytesPerPoint = 3 * sizeof(float) + 3;
 
 enum class Scalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };

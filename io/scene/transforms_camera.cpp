@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kMaxPixels = 65535;    // as ReadImageSize
 constexpr double kMaxFocal = 1e7;       // pixels; a longer lens sees a thousandth of a degree
-constexpr double kMaxDistortion = 100;  // an honest k2 of a strong lens is below 10
+constexpr double kMaxDistortion = 100;  // the k2 of a strong lens is below 10
 // Relative; a rounded angle differs by 1e-6, another camera by percents.
 constexpr double kFocalAgreement = 1e-3;
 constexpr double kSameNumber = 1e-9;  // relative; the same value printed by two programs

@@ -1,4 +1,4 @@
-// Do the verified pairs tell the same story as the model? Where a scene repeats itself (identical facades, a
+// Whether the verified pairs agree with the model. Where a scene repeats itself (identical facades, a
 // symmetric object, a tiled floor) or moves, incremental mapping can fold different places into one: every
 // point fits, yet pairs of pictures that match well contradict the poses.
 #pragma once

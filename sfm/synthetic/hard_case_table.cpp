@@ -115,7 +115,7 @@ void AddGeometry(std::vector<HardCase>* table) {
       table->end(),
       {{"S01", "ring, 50 points, no noise", Ring(14, 50, 0), kModel, kCleanDeg, kCleanCentre},
        {"S02", "ring, 0.5 px", Ring(14, 100), kModel},
-       // A plane leaves two poses per pair and no focal length: refusing it is honest, one pose is luck.
+       // A plane leaves two poses per pair and no focal length: a refusal is right, and one pose is chance.
        {"S03.1", "plane, focal length known", OnPlane(0, 1), kModelOrRefusal, 0.2},
        {"S03.2", "plane, focal length unknown", OnPlane(0, 0), kModelOrRefusal, 0.2},
        {"S03.3",
@@ -245,7 +245,7 @@ void AddCameras(std::vector<HardCase>* table) {
   table->insert(
       table->end(),
       {focal("S19", "tele lens, 5 degrees", With(Ring(14, 300), {Pinhole(11727)}), 0.05),
-       // 1e-3 rad and 1e-2: COLMAP's bar for wide and spherical cameras.
+       // 1e-3 rad and 1e-2: COLMAP's limit for wide and spherical cameras.
        {"S20", "wide lens, 110 degrees", With(Ring(14, 300), {Pinhole(358.5)}), kModel, 0.0573, 0.01},
        {"S21", "barrel distortion", With(Ring(24, 400), {BarrelCamera()}), kModel},
        // 5 px of the principal point, the best that is asked of its estimate, are 0.22 degrees.
