@@ -44,9 +44,6 @@ constexpr int kRetryFeatures = 8192;
 constexpr double kGoodRegisteredShare = 0.9;
 // A model of fewer pictures is a fragment: its film would hide that the capture failed.
 constexpr double kMinRegisteredShare = 0.6;
-// Good captures reach 0.07 (repeated texture far apart), and nothing between following pictures; folded
-// models begin at 0.16 and 0.19.
-constexpr double kMaxContradictingShare = 0.15, kMaxFollowingContradictingShare = 0.1;
 // Pictures before and after that still count as following when the order is all there is to rely on.
 constexpr int kOrderOverlap = 3;
 // The model COLMAP maps with when the camera model is to be found out.
@@ -160,8 +157,10 @@ class Session {
   // Where pairs contradict the model, places that look alike may have been taken for one. Neighbours in the
   // order of the pictures are the pairs least likely to be mistaken.
   void ResolveContradictions() {
-    if (best_->models.empty() || !Contradicts()) return;
-    decide_(Contradiction() + "; trying again with following pictures only");
+    if (best_->models.empty()) return;
+    const PairAgreement agreement = Agreement();
+    if (!agreement.Contradicts()) return;
+    decide_(agreement.Figures() + "; trying again with following pictures only");
     std::vector<PairMatches> matches = std::move(best_->matches);
     std::erase_if(matches, [](const PairMatches& pair) { return pair.b - pair.a > kOrderOverlap; });
     best_ = Map(best_->views, std::move(matches), false);
@@ -208,7 +207,10 @@ class Session {
       if (registered.count(picture.name) > 0) continue;
       result_.unregistered.push_back({picture.name, ExplainMissingPicture(picture.name, best_->evidence)});
     }
-    if (Contradicts()) throw NotReconstructible({RefusalCause::kContradictedPoses, Contradiction()});
+    const PairAgreement agreement = Agreement();
+    if (agreement.Contradicts()) {
+      throw NotReconstructible({RefusalCause::kContradictedPoses, agreement.Figures()});
+    }
     result_.triangulation_angle_deg = MedianTriangulationAngleDeg(result_.model.scene);
     result_.database = best_->database;
     result_.log = best_->log;
@@ -290,23 +292,6 @@ class Session {
   PairAgreement Agreement() const {
     return CompareWithPairs(
         best_->models.front().scene, best_->views->names, best_->views->features, best_->evidence.pairs);
-  }
-
-  bool Contradicts() const {
-    const PairAgreement agreement = Agreement();
-    return agreement.contradicting_share > kMaxContradictingShare ||
-           agreement.following_contradicting_share > kMaxFollowingContradictingShare;
-  }
-
-  std::string Contradiction() const {
-    const PairAgreement agreement = Agreement();
-    return fmt::format(
-        "{} % of all matches and {} % of those between following pictures contradict the poses found "
-        "({} of {} pairs)",
-        std::lround(100 * agreement.contradicting_share),
-        std::lround(100 * agreement.following_contradicting_share),
-        agreement.contradicting,
-        agreement.pairs);
   }
 
   void CountUse(double cpu_s, std::size_t peak_rss_bytes) {

@@ -111,6 +111,7 @@ struct DepthRange {
   double n = 0, f = 0;
   double median = 0;  // median over the frames of their median depth
   bool IsKnown() const { return f > 0; }
+  bool IsBounded() const { return IsKnown() && f <= (kFar / kNear) * n; }
 };
 
 DepthRange RangeOf(const std::vector<std::vector<double>>& depths) {
@@ -191,6 +192,30 @@ io::Aabb PaddedBox(const std::vector<Eigen::Vector3d>& points) {
   return {box.min.array() - padding, box.max.array() + padding};
 }
 
+// Brings all depths between near and far where they fit, else the median camera to kDistance from the focus.
+double SceneScale(const io::Scene& scene,
+                  const DepthRange& range,
+                  const Eigen::Vector3d& focus,
+                  bool axes_meet) {
+  if (range.IsBounded()) return (kNear + kFar) / (range.n + range.f);
+  std::vector<double> distances;
+  for (const io::Frame& frame : scene.frames) distances.push_back((Centre(frame) - focus).norm());
+  return kDistance / (axes_meet ? io::Median(distances) : range.median);
+}
+
+std::string ScaleDecision(const DepthRange& range, double f_over_n) {
+  if (!range.IsKnown()) {
+    return "scale: no sparse points, so the median camera stands 4 from the centre; coverage unknown";
+  }
+  return range.IsBounded()
+             ? fmt::format("scale: depths have the ratio {:.2f} <= 3, so near 2 and far 6 hold them all",
+                           f_over_n)
+             : fmt::format(
+                   "scale: depths have the ratio {:.2f} > 3, so near 2 and far 6 hold the region of "
+                   "interest at the centre; the space outside is unbounded",
+                   f_over_n);
+}
+
 void ApplySimilarity(const io::Sim3d& scene_from_input, io::Scene* scene) {
   for (io::Frame& frame : scene->frames)
     frame.world_from_cam = io::TransformPose(scene_from_input, frame.world_from_cam);
@@ -242,23 +267,10 @@ NormalizeReport NormalizeScene(const io::Scene& scene) {
   decide(upright ? "up: the cameras' mean up is +z" : "up: kept, because the cameras disagree about it");
 
   report.f_over_n = range.n > 0 ? range.f / range.n : 0;
-  const bool is_bounded = range.IsKnown() && range.f <= (kFar / kNear) * range.n;
+  const bool is_bounded = range.IsBounded();
+  decide(ScaleDecision(range, report.f_over_n));
   io::Sim3d scene_from_input;
-  if (is_bounded) {
-    scene_from_input.scale = (kNear + kFar) / (range.n + range.f);
-    decide(fmt::format("scale: depths have the ratio {:.2f} <= 3, so near 2 and far 6 hold them all",
-                       report.f_over_n));
-  } else {
-    std::vector<double> distances;
-    for (const io::Frame& frame : scene.frames) distances.push_back((Centre(frame) - report.focus).norm());
-    scene_from_input.scale = kDistance / (focus ? io::Median(distances) : range.median);
-    decide(range.IsKnown()
-               ? fmt::format("scale: depths have the ratio {:.2f} > 3, so near 2 and far 6 hold the region "
-                             "of interest at "
-                             "the centre; the space outside is unbounded",
-                             report.f_over_n)
-               : "scale: no sparse points, so the median camera stands 4 from the centre; coverage unknown");
-  }
+  scene_from_input.scale = SceneScale(scene, range, report.focus, focus.has_value());
   if (upright) scene_from_input.rotation = *upright;
   scene_from_input.translation = -scene_from_input.scale * (scene_from_input.rotation * report.focus);
 

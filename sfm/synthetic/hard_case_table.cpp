@@ -110,7 +110,7 @@ HardCase Repeated(const std::string& id, const std::string& title, CaptureOption
   return {id, title, options, kModelOrRefusal, 1, 0.1, 0};
 }
 
-void AddGeometry(std::vector<HardCase>* table) {
+void AddShapes(std::vector<HardCase>* table) {
   table->insert(
       table->end(),
       {{"S01", "ring, 50 points, no noise", Ring(14, 50, 0), kModel, kCleanDeg, kCleanCentre},
@@ -130,8 +130,13 @@ void AddGeometry(std::vector<HardCase>* table) {
        {"S05.6",
         "two planes at a right angle",
         {.trajectory = Trajectory::kArc, .structure = Structure::kTwoPlanes, .noise_px = kNoisePx},
-        kModel},
-       {"S06.1", "rotation only, no noise", {.trajectory = Trajectory::kRotationOnly}, kRefusal},
+        kModel}});
+}
+
+void AddTrajectories(std::vector<HardCase>* table) {
+  table->insert(
+      table->end(),
+      {{"S06.1", "rotation only, no noise", {.trajectory = Trajectory::kRotationOnly}, kRefusal},
        {"S06.2",
         "rotation only, 0.5 px",
         {.trajectory = Trajectory::kRotationOnly, .noise_px = kNoisePx},
@@ -277,7 +282,8 @@ void AddCameras(std::vector<HardCase>* table) {
 const std::vector<HardCase>& HardCases() {
   static const std::vector<HardCase> table = [] {
     std::vector<HardCase> all;
-    AddGeometry(&all);
+    AddShapes(&all);
+    AddTrajectories(&all);
     AddScenes(&all);
     AddCameras(&all);
     return all;
