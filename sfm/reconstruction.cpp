@@ -1,5 +1,8 @@
 #include "sfm/reconstruction.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -41,21 +44,16 @@ constexpr int kRetryFeatures = 8192;
 constexpr double kGoodRegisteredShare = 0.9;
 // A model of fewer pictures is a fragment: its film would hide that the capture failed.
 constexpr double kMinRegisteredShare = 0.6;
-// Good captures reach 0.07 (repeated texture far apart), and nothing between following pictures; folded
-// models begin at 0.16 and 0.19.
-constexpr double kMaxContradictingShare = 0.15, kMaxFollowingContradictingShare = 0.1;
 // Pictures before and after that still count as following when the order is all there is to rely on.
 constexpr int kOrderOverlap = 3;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
 
-[[noreturn]] void Refuse(const std::string& cause) { throw Error(ExitCode::kNotReconstructible, cause); }
-
 void CheckChoice(const std::string& flag, const std::string& value, const std::set<std::string>& choices) {
   if (choices.count(value) > 0) return;
-  std::string list;
-  for (const std::string& choice : choices) list += (list.empty() ? "" : ", ") + choice;
-  throw Error(ExitCode::kUsage, flag + ": '" + value + "' is unknown", "Use one of: " + list);
+  throw Error(ExitCode::kUsage,
+              fmt::format("{}: '{}' is unknown", flag, value),
+              fmt::format("Use one of: {}", fmt::join(choices, ", ")));
 }
 
 void CheckOptions(const ReconstructionOptions& options) {
@@ -65,8 +63,7 @@ void CheckOptions(const ReconstructionOptions& options) {
   CheckChoice("--matching", options.matching, {"auto", "exhaustive", "likely", "sequential"});
   CheckChoice("--detector", options.detector, {"opencv", "colmap"});
   if (options.features < 100 || options.features > 16384) {
-    throw Error(ExitCode::kUsage,
-                "--features: " + std::to_string(options.features) + " is not in 100..16384");
+    throw Error(ExitCode::kUsage, fmt::format("--features: {} is not in 100..16384", options.features));
   }
 }
 
@@ -85,7 +82,9 @@ class Session {
         decide_(decide) {
     CheckOptions(options);
     SetFeatures(std::vector<Features>(pictures.size()));
-    if (n() < kMinPictures) Refuse(FailureCause({Summaries(views_->names, views_->features), {}}, 0));
+    if (n() < kMinPictures) {
+      throw NotReconstructible(ExplainFailure({Summaries(views_->names, views_->features), {}}, 0));
+    }
   }
 
   void SetFeatures(std::vector<Features> features) {
@@ -115,9 +114,9 @@ class Session {
         std::all_of(pictures_.begin(), pictures_.end(), [](const Picture& p) { return p.is_video_frame; });
     std::string way = options_.matching;
     if (way == "auto") way = n() <= kMaxExhaustivePictures ? "exhaustive" : video ? "sequential" : "likely";
-    const std::string all = std::to_string(n() * (n() - 1) / 2);
+    const int all = n() * (n() - 1) / 2;
     if (way == "exhaustive") {
-      decide_("matching all " + all + " pairs of " + std::to_string(n()) + " pictures");
+      decide_(fmt::format("matching all {} pairs of {} pictures", all, n()));
       return AllPairs(n());
     }
     const bool sequential = way == "sequential";
@@ -126,9 +125,10 @@ class Session {
         LikelyPairs(views_->features, sequential ? kVideoPartners : kPartners, options_.threads);
     pairs.merge(SequentialPairs(n(), sequential ? kVideoOverlap : kPhotoOverlap));
     result_.times.matching_s += stopwatch.seconds();
-    decide_("matching " + std::to_string(pairs.size()) + " of " + all + " pairs" +
-            (sequential ? ": following frames, and loops found by a quick comparison of the largest features"
-                        : ": the most alike by a quick comparison of the largest features"));
+    decide_(fmt::format("matching {} of {} pairs: {} by a quick comparison of the largest features",
+                        pairs.size(),
+                        all,
+                        sequential ? "following frames, and loops found" : "the most alike"));
     return pairs;
   }
 
@@ -143,10 +143,12 @@ class Session {
   void Try(std::vector<PairMatches> matches, bool relaxed) {
     const StationaryShare stationary = RemoveStationaryMatches(views_->features, &matches);
     if (stationary.removed > 0) {
-      decide_("removed " + std::to_string(stationary.removed) +
-              " matches that stand still in the picture: in " + std::to_string(stationary.split_pairs) +
-              " of " + std::to_string(stationary.pairs) +
-              " pairs the subject moves against its background (turntable, watermark)");
+      decide_(fmt::format(
+          "removed {} matches that stand still in the picture: in {} of {} pairs the subject moves "
+          "against its background (turntable, watermark)",
+          stationary.removed,
+          stationary.split_pairs,
+          stationary.pairs));
     }
     MappingAttempt attempt = Map(views_, std::move(matches), relaxed);
     if (!best_ || attempt.Registered() > best_->Registered()) best_ = std::move(attempt);
@@ -155,8 +157,10 @@ class Session {
   // Where pairs contradict the model, places that look alike may have been taken for one. Neighbours in the
   // order of the pictures are the pairs least likely to be mistaken.
   void ResolveContradictions() {
-    if (best_->models.empty() || !Contradicts()) return;
-    decide_(Contradiction() + "; trying again with following pictures only");
+    if (best_->models.empty()) return;
+    const PairAgreement agreement = Agreement();
+    if (!agreement.Contradicts()) return;
+    decide_(agreement.Figures() + "; trying again with following pictures only");
     std::vector<PairMatches> matches = std::move(best_->matches);
     std::erase_if(matches, [](const PairMatches& pair) { return pair.b - pair.a > kOrderOverlap; });
     best_ = Map(best_->views, std::move(matches), false);
@@ -164,79 +168,48 @@ class Session {
 
   bool Registered(double share) const { return best_->Registered() >= share * n(); }
 
-  // Stronger settings, cheapest first, within a ceiling of time.
-  void ClimbLadder(std::vector<PairMatches> matches, std::size_t n_pairs) {
+  // Maps again with stronger settings while too few pictures are registered, within a ceiling of time.
+  void TryStrongerSettings(const std::vector<PairMatches>& matches, std::size_t n_pairs) {
     const io::Stopwatch stopwatch;
-    const double ceiling_s = 60 * options_.retry_minutes;
-    const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
-    const double all_over_now =
-        static_cast<double>(all) / static_cast<double>(std::max<std::size_t>(1, n_pairs));
-    const double growth = static_cast<double>(kRetryFeatures) / options_.features;
-    const ReconstructionTimes& t = result_.times;
-    const double pairs_s = t.matching_s + t.verifying_s, mapping_s = t.mapping_s, features_s = t.features_s;
-    struct Rung {
-      std::string text;
-      double estimate_s;
-      std::function<void()> climb;
-    };
-    std::vector<Rung> rungs;
-    rungs.push_back({"a relaxed start and half the evidence per picture", pairs_s + mapping_s, [&] {
-                       Try(matches, true);
-                     }});
-    if (n_pairs < all) {
-      rungs.push_back({"all " + std::to_string(all) + " pairs", pairs_s * all_over_now + mapping_s, [&] {
-                         matches = Match(AllPairs(n()));
-                         Try(matches, true);
-                       }});
-    }
-    if (options_.features < kRetryFeatures) {
-      // Comparing descriptors costs the square of their number.
-      rungs.push_back({"up to " + std::to_string(kRetryFeatures) + " features per picture and all pairs",
-                       features_s + pairs_s * all_over_now * growth * growth + mapping_s * growth,
-                       [&] {
-                         Detect(kRetryFeatures);
-                         Try(Match(AllPairs(n())), true);
-                       }});
-    }
-    for (const Rung& rung : rungs) {
+    for (const StrongerSetting& setting : StrongerSettings(matches, n_pairs)) {
       if (Registered(kGoodRegisteredShare)) return;
-      const std::string cause = FailureCause(best_->evidence, best_->Registered());
+      const RefusalCause cause = ExplainFailure(best_->evidence, best_->Registered()).cause;
       // A stronger setting cannot cure a capture without baseline, texture or pictures.
-      const bool curable = cause.starts_with("no overlap") || cause.starts_with("no consistent model");
+      const bool curable = cause == RefusalCause::kNoOverlap || cause == RefusalCause::kMisfit;
       if (!Registered(kMinRegisteredShare) && !curable) return;
-      const std::string so_far = "only " + std::to_string(best_->Registered()) + " of " +
-                                 std::to_string(n()) + " pictures registered; ";
-      if (stopwatch.seconds() + rung.estimate_s > ceiling_s) {
-        decide_(so_far + "not tried: " + rung.text + ", about " + io::FormatDuration(rung.estimate_s) +
-                " (--retry-minutes)");
+      const std::string so_far = fmt::format("only {} of {} pictures registered; ", best_->Registered(), n());
+      if (stopwatch.seconds() + setting.estimate_s > 60 * options_.retry_minutes) {
+        decide_(so_far + fmt::format("not tried: {}, about {} (--retry-minutes)",
+                                     setting.text,
+                                     io::FormatDuration(setting.estimate_s)));
         continue;
       }
-      decide_(so_far + "trying again with " + rung.text);
-      rung.climb();
+      decide_(so_far + "trying again with " + setting.text);
+      setting.attempt();
     }
   }
 
   Reconstruction Finish() {
-    if (!Registered(kMinRegisteredShare)) Refuse(FailureCause(best_->evidence, best_->Registered()));
+    if (!Registered(kMinRegisteredShare)) {
+      throw NotReconstructible(ExplainFailure(best_->evidence, best_->Registered()));
+    }
     result_.model = best_->models.front();
     RefuseUnusable();  // a degenerate model cannot be adjusted
     Adjust();
     RefuseUnusable();
-    std::string sizes;
-    for (const io::ColmapModel& model : best_->models) {
-      sizes += (sizes.empty() ? "" : ", ") + std::to_string(model.scene.frames.size());
-    }
-    decide_("used the largest of " + std::to_string(best_->models.size()) + " models (" + sizes + " of " +
-            std::to_string(n()) + " pictures)");
+    std::vector<std::size_t> sizes;
+    for (const io::ColmapModel& model : best_->models) sizes.push_back(model.scene.frames.size());
+    decide_(fmt::format(
+        "used the largest of {} models ({} of {} pictures)", sizes.size(), fmt::join(sizes, ", "), n()));
     std::set<std::string> registered;
     for (const io::Frame& frame : result_.model.scene.frames) registered.insert(frame.image_path.string());
     for (const Picture& picture : pictures_) {
       if (registered.count(picture.name) > 0) continue;
-      result_.unregistered.push_back({picture.name, UnregisteredCause(picture.name, best_->evidence)});
+      result_.unregistered.push_back({picture.name, ExplainMissingPicture(picture.name, best_->evidence)});
     }
-    if (Contradicts()) {
-      Refuse("no consistent model: " + Contradiction() +
-             "; the scene repeats itself or moves: mask what moves, or take pictures in closer order");
+    const PairAgreement agreement = Agreement();
+    if (agreement.Contradicts()) {
+      throw NotReconstructible({RefusalCause::kContradictedPoses, agreement.Figures()});
     }
     result_.triangulation_angle_deg = MedianTriangulationAngleDeg(result_.model.scene);
     result_.database = best_->database;
@@ -245,12 +218,48 @@ class Session {
   }
 
  private:
+  struct StrongerSetting {
+    std::string text;
+    double estimate_s;
+    std::function<void()> attempt;
+  };
+
   int n() const { return static_cast<int>(pictures_.size()); }
+
+  // Cheapest first; `matches` are those of the `n_pairs` pairs tried so far.
+  std::vector<StrongerSetting> StrongerSettings(const std::vector<PairMatches>& matches,
+                                                std::size_t n_pairs) {
+    const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
+    const double all_over_now =
+        static_cast<double>(all) / static_cast<double>(std::max<std::size_t>(1, n_pairs));
+    const ReconstructionTimes& t = result_.times;
+    const double pairs_s = t.matching_s + t.verifying_s;
+    std::vector<StrongerSetting> settings;
+    settings.push_back({"a relaxed start and half the evidence per picture", pairs_s + t.mapping_s, [&] {
+                          Try(matches, true);
+                        }});
+    if (n_pairs < all) {
+      settings.push_back({fmt::format("all {} pairs", all), pairs_s * all_over_now + t.mapping_s, [&] {
+                            Try(Match(AllPairs(n())), true);
+                          }});
+    }
+    if (options_.features < kRetryFeatures) {
+      // Comparing descriptors costs the square of their number.
+      const double growth = static_cast<double>(kRetryFeatures) / options_.features;
+      settings.push_back({fmt::format("up to {} features per picture and all pairs", kRetryFeatures),
+                          t.features_s + pairs_s * all_over_now * growth * growth + t.mapping_s * growth,
+                          [&] {
+                            Detect(kRetryFeatures);
+                            Try(Match(AllPairs(n())), true);
+                          }});
+    }
+    return settings;
+  }
 
   MappingAttempt Map(std::shared_ptr<const CapturedViews> views,
                      std::vector<PairMatches> matches,
                      bool relaxed) {
-    const fs::path folder = work_folder_ / ("attempt" + std::to_string(++n_attempts_));
+    const fs::path folder = work_folder_ / fmt::format("attempt{}", ++n_attempts_);
     MappingAttempt attempt = Attempt(
         pictures_, std::move(views), std::move(matches), images_folder_, folder, relaxed, options_.threads);
     result_.times.verifying_s += attempt.verifying_s;
@@ -260,12 +269,12 @@ class Session {
   }
 
   void RefuseUnusable() const {
-    if (const auto cause = RefusalCause(result_.model, best_->evidence)) Refuse(*cause);
+    if (const auto refusal = JudgeModel(result_.model, best_->evidence)) throw NotReconstructible(*refusal);
   }
 
   void Adjust() {
     const io::Stopwatch stopwatch;
-    CameraChoiceOptions options{.camera_model = options_.camera_model};
+    CameraModelOptions options{.camera_model = options_.camera_model};
     std::map<std::string, double> focals;
     for (const CameraGroup& group : best_->views->groups) {
       for (const std::string& name : group.names) focals[name] = group.focal_px;
@@ -276,27 +285,13 @@ class Session {
           focals.at(frame.image_path.string());
     }
     SetSigmas(best_->views->names, best_->views->features, &result_.model);
-    result_.uncertainty = AdjustWithNeededCamera(&result_.model, options, decide_).uncertainty;
+    result_.uncertainty = AdjustWithSelectedCameraModel(&result_.model, options, decide_).uncertainty;
     result_.times.adjusting_s += stopwatch.seconds();
   }
 
   PairAgreement Agreement() const {
     return CompareWithPairs(
         best_->models.front().scene, best_->views->names, best_->views->features, best_->evidence.pairs);
-  }
-
-  bool Contradicts() const {
-    const PairAgreement agreement = Agreement();
-    return agreement.contradicting_share > kMaxContradictingShare ||
-           agreement.following_contradicting_share > kMaxFollowingContradictingShare;
-  }
-
-  std::string Contradiction() const {
-    const PairAgreement agreement = Agreement();
-    return std::to_string(std::lround(100 * agreement.contradicting_share)) + " % of all matches and " +
-           std::to_string(std::lround(100 * agreement.following_contradicting_share)) +
-           " % of those between following pictures contradict the poses found (" +
-           std::to_string(agreement.contradicting) + " of " + std::to_string(agreement.pairs) + " pairs)";
   }
 
   void CountUse(double cpu_s, std::size_t peak_rss_bytes) {
@@ -326,7 +321,7 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
   const ImagePairs pairs = session.ChoosePairs();
   std::vector<PairMatches> matches = session.Match(pairs);
   session.Try(matches, false);
-  if (options.retry_minutes > 0) session.ClimbLadder(matches, pairs.size());
+  if (options.retry_minutes > 0) session.TryStrongerSettings(matches, pairs.size());
   session.ResolveContradictions();
   return session.Finish();
 }

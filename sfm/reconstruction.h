@@ -1,5 +1,5 @@
 // Pictures in, cameras and sparse points out: detects and matches features, lets COLMAP verify and map them,
-// reads all of its models, judges the largest, climbs a ladder of stronger settings when too few pictures
+// reads all of its models, judges the largest, tries again with stronger settings when too few pictures
 // register, and adjusts the model that is kept.
 #pragma once
 
@@ -13,6 +13,7 @@
 #include "sfm/features/features.h"
 #include "sfm/features/matching.h"
 #include "sfm/features/picture.h"
+#include "sfm/mapping/refusal.h"
 
 namespace sfm {
 
@@ -22,16 +23,17 @@ struct ReconstructionOptions {
   int max_image_size = 1600;           // longer side for detection [px]; 0: full size
   std::string matching = "auto";       // auto, exhaustive, likely or sequential
   std::string camera_model = "auto";   // as simple as the data allow, or COLMAP's name of a model
-  double retry_minutes = 20;           // ceiling for all further attempts together; 0: none
+  double retry_minutes = 20;           // ceiling for all further mapping attempts together; 0: none
   std::filesystem::path masks_folder;  // see DetectFeatures; empty: no masks
   int threads = 1;
 };
 
 struct Unregistered {
-  std::string name, cause;
+  std::string name;
+  Refusal refusal;
 };
 
-// Wall seconds of each part, all attempts together.
+// Wall seconds of each part, all mapping attempts together.
 struct ReconstructionTimes {
   double features_s = 0, matching_s = 0, verifying_s = 0, mapping_s = 0, adjusting_s = 0;
 };
@@ -39,16 +41,16 @@ struct ReconstructionTimes {
 struct Reconstruction {
   io::ColmapModel model;                // image paths are the pictures' names
   BundleUncertainty uncertainty;        // of cameras and poses, see sfm/bundle/bundle_uncertainty.h
-  std::filesystem::path database, log;  // of the attempt that was used, below the work folder
+  std::filesystem::path database, log;  // of the mapping attempt that was used, below the work folder
   std::vector<Unregistered> unregistered;
   double triangulation_angle_deg = 0;  // median over the points
   ReconstructionTimes times;
-  double colmap_cpu_s = 0;         // all attempts
+  double colmap_cpu_s = 0;         // all mapping attempts
   std::size_t peak_rss_bytes = 0;  // of COLMAP
 };
 
-// decide: receives one line for every choice. The result does not depend on `threads`. Throws io::Error
-// kNotReconstructible with one named cause (sfm/mapping/diagnosis.h), kMissingTool when COLMAP is missing or
+// decide: receives one line for every choice. The result does not depend on `threads`. Throws
+// NotReconstructible, and io::Error kMissingTool when COLMAP is missing or
 // fails, kNoResources when it runs out of memory, kUsage for an unknown detector, camera model or way of
 // matching.
 Reconstruction Reconstruct(const std::vector<Picture>& pictures,

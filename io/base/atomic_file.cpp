@@ -1,6 +1,7 @@
 #include "io/base/atomic_file.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -19,10 +20,9 @@ constexpr char kTemporaryExtension[] = ".pipeline-tmp";
 [[noreturn]] void Fail(const std::filesystem::path& path, const std::string& doing, std::size_t bytes) {
   const int error = errno;
   const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  throw Error(
-      ExitCode::kNoResources,
-      path.string() + ": cannot " + doing + " (" + std::strerror(error) + ")",
-      full ? "Free at least " + std::to_string(bytes) + " bytes there" : "Check the folder's permissions");
+  throw Error(ExitCode::kNoResources,
+              fmt::format("{}: cannot {} ({})", path.string(), doing, std::strerror(error)),
+              full ? fmt::format("Free at least {} bytes there", bytes) : "Check the folder's permissions");
 }
 
 void SyncPath(const std::filesystem::path& path) {
@@ -39,7 +39,7 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
   std::error_code ignored;
   std::filesystem::create_directories(folder, ignored);
-  const std::string name = "." + path.filename().string() + "." + std::to_string(getpid());
+  const std::string name = fmt::format(".{}.{}", path.filename().string(), getpid());
   const std::filesystem::path temporary = folder / (name + kTemporaryExtension);
   const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd < 0) Fail(path, "create", bytes.size());
@@ -91,7 +91,7 @@ std::string ReadFile(const std::filesystem::path& path, std::size_t max_bytes) {
   }
   const std::uintmax_t size = std::filesystem::file_size(path, error);
   if (error || size > max_bytes) {
-    throw Error(ExitCode::kBadInput, path.string() + ": larger than " + std::to_string(max_bytes) + " bytes");
+    throw Error(ExitCode::kBadInput, fmt::format("{}: larger than {} bytes", path.string(), max_bytes));
   }
   std::ifstream in(path, std::ios::binary);
   std::string bytes(size, '\0');

@@ -1,8 +1,8 @@
 #include "io/base/hash.h"
 
+#include <fmt/format.h>
 #include <xxhash.h>
 
-#include <cstdio>
 #include <fstream>
 #include <memory>
 #include <vector>
@@ -12,15 +12,7 @@
 namespace io {
 namespace {
 
-std::string Hex(XXH128_hash_t hash) {
-  char text[33];
-  std::snprintf(text,
-                sizeof text,
-                "%016llx%016llx",
-                static_cast<unsigned long long>(hash.high64),
-                static_cast<unsigned long long>(hash.low64));
-  return text;
-}
+std::string Hex(XXH128_hash_t hash) { return fmt::format("{:016x}{:016x}", hash.high64, hash.low64); }
 
 }  // namespace
 

@@ -2,6 +2,8 @@
 // the library's silent conversions (1e30 to INT_MIN, -5 to 4294967291, last duplicate wins) cannot happen.
 #include "io/base/json_reader.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -25,7 +27,7 @@ struct JsonNode {
 namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t{256} << 20;
-constexpr std::size_t kMaxDepth = 64;           // honest files have 4 levels
+constexpr std::size_t kMaxDepth = 64;           // real files have 4 levels
 constexpr std::size_t kMaxValues = 8'000'000;   // 300,000 frames; bounds the tree to about 500 MB
 constexpr std::size_t kMaxMessageLength = 200;  // parse errors quote the input, which may be one endless line
 
@@ -56,8 +58,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
     std::string what = error.what();
     const std::size_t bracket = what.find("] ");
     if (bracket != std::string::npos) what.erase(0, bracket + 2);
-    return Refuse(what.find("line ") != std::string::npos ? what
-                                                          : "byte " + std::to_string(byte) + ": " + what);
+    return Refuse(what.find("line ") != std::string::npos ? what : fmt::format("byte {}: {}", byte, what));
   }
 
   std::string refusal;
@@ -76,8 +77,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool Open(JsonNode node) {
-    if (levels_.size() >= kMaxDepth)
-      return Refuse("nested deeper than " + std::to_string(kMaxDepth) + " levels");
+    if (levels_.size() >= kMaxDepth) return Refuse(fmt::format("nested deeper than {} levels", kMaxDepth));
     levels_.push_back({std::move(node), {}});
     return true;
   }
@@ -89,7 +89,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool Add(JsonNode node) {
-    if (++values_ > kMaxValues) return Refuse("holds more than " + std::to_string(kMaxValues) + " values");
+    if (++values_ > kMaxValues) return Refuse(fmt::format("holds more than {} values", kMaxValues));
     if (levels_.empty()) {
       root = std::move(node);
     } else if (auto* items = std::get_if<std::vector<JsonNode>>(&levels_.back().node.value)) {
@@ -156,10 +156,10 @@ std::size_t JsonReader::Size() const {
 }
 
 JsonReader JsonReader::At(std::size_t index) const {
-  if (index >= Size()) Fail("has only " + std::to_string(Size()) + " elements");
+  if (index >= Size()) Fail(fmt::format("has only {} elements", Size()));
   return {file_,
           std::shared_ptr<const JsonNode>(node_, &std::get<std::vector<JsonNode>>(node_->value)[index]),
-          json_path_ + "[" + std::to_string(index) + "]"};
+          fmt::format("{}[{}]", json_path_, index)};
 }
 
 double JsonReader::Number(double min, double max) const {
@@ -170,7 +170,7 @@ double JsonReader::Number(double min, double max) const {
              : "is not a number");
   }
   if (!(*number >= min && *number <= max)) {
-    Fail(Text(*number) + " is outside " + Text(min) + " to " + Text(max));
+    Fail(fmt::format("{} is outside {} to {}", Text(*number), Text(min), Text(max)));
   }
   return *number;
 }

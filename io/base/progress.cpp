@@ -1,5 +1,6 @@
 #include "io/base/progress.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -42,26 +43,16 @@ void Progress::Update(double fraction, const std::string& note) {
   } else if (share > first_fraction_ + kMinShareForEta) {
     eta = "ETA " + FormatDuration(since_first * (1.0 - share) / (share - first_fraction_));
   }
-  std::fprintf(stderr,
-               is_terminal_ ? "\r\033[K%s %3.0f %%  %s  %s" : "%s %3.0f %%  %s  %s\n",
-               title_.c_str(),
-               100 * share,
-               eta.c_str(),
-               note.c_str());
+  const std::string line = fmt::format("{} {:3.0f} %  {}  {}", title_, 100 * share, eta, note);
+  std::fputs((is_terminal_ ? "\r\033[K" + line : line + "\n").c_str(), stderr);
   std::fflush(stderr);
 }
 
 std::string FormatDuration(double seconds) {
-  char text[64];
   const long whole = static_cast<long>(seconds + 0.5);
-  if (whole >= 3600) {
-    std::snprintf(text, sizeof text, "%ld h %02ld min", whole / 3600, whole / 60 % 60);
-  } else if (whole >= 60) {
-    std::snprintf(text, sizeof text, "%ld min %02ld s", whole / 60, whole % 60);
-  } else {
-    std::snprintf(text, sizeof text, "%.1f s", seconds);
-  }
-  return text;
+  if (whole >= 3600) return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
+  if (whole >= 60) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
+  return fmt::format("{:.1f} s", seconds);
 }
 
 }  // namespace io

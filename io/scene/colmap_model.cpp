@@ -1,6 +1,8 @@
 // Verifies what io/scene/colmap_records.h parsed and turns it into a Scene.
 #include "io/scene/colmap_model.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -30,17 +32,17 @@ bool AllFinite(const auto& values) {
 }
 
 Camera ToCamera(const fs::path& path, const ColmapCameraRecord& record) {
-  const std::string label = "camera " + std::to_string(record.id);
+  const std::string label = fmt::format("camera {}", record.id);
   const int n_params = ColmapParamCount(record.model);
   if (n_params < 0) Fail(path, label + " has the undefined model '" + record.model.substr(0, 40) + "'");
   if (static_cast<int>(record.params.size()) != n_params) {
     Fail(path,
-         label + " has " + std::to_string(record.params.size()) + " parameters, " + record.model + " needs " +
-             std::to_string(n_params));
+         fmt::format(
+             "{} has {} parameters, {} needs {}", label, record.params.size(), record.model, n_params));
   }
   if (record.width == 0 || record.height == 0 || record.width > kMaxImageSide ||
       record.height > kMaxImageSide) {
-    Fail(path, label + " has the size " + std::to_string(record.width) + "x" + std::to_string(record.height));
+    Fail(path, fmt::format("{} has the size {}x{}", label, record.width, record.height));
   }
   if (!AllFinite(record.params)) Fail(path, label + " has a parameter that is not finite");
   Camera camera{.width = static_cast<int>(record.width), .height = static_cast<int>(record.height)};
@@ -82,7 +84,7 @@ bool IsSafeName(const std::string& name) {
 }
 
 Rigid3d ToWorldFromCam(const fs::path& path, const ColmapImageRecord& record) {
-  const std::string label = "image " + std::to_string(record.id);
+  const std::string label = fmt::format("image {}", record.id);
   const auto& q = record.quaternion_wxyz;
   if (!AllFinite(q) || !AllFinite(record.translation)) Fail(path, label + " has a pose that is not finite");
   const Eigen::Quaterniond quaternion(q[0], q[1], q[2], q[3]);
@@ -128,7 +130,7 @@ class ModelBuilder {
     for (const ColmapCameraRecord& record : records_.cameras) {
       const int index = static_cast<int>(model_.scene.cameras.size());
       if (!camera_index_.emplace(record.id, index).second) {
-        Fail(records_.cameras_path, "camera " + std::to_string(record.id) + " appears twice");
+        Fail(records_.cameras_path, fmt::format("camera {} appears twice", record.id));
       }
       model_.scene.cameras.push_back(ToCamera(records_.cameras_path, record));
     }
@@ -144,7 +146,7 @@ class ModelBuilder {
     std::set<std::string> names;
     for (const std::size_t i : order) {
       const ColmapImageRecord& record = records_.images[i];
-      const std::string label = "image " + std::to_string(record.id);
+      const std::string label = fmt::format("image {}", record.id);
       if (!IsSafeName(record.name)) Fail(records_.images_path, label + " has an empty or unsafe name");
       if (!names.insert(record.name).second) {
         Fail(records_.images_path, label + ": the name '" + record.name + "' appears twice");
@@ -152,7 +154,7 @@ class ModelBuilder {
       const auto camera = camera_index_.find(record.camera_id);
       if (camera == camera_index_.end()) {
         Fail(records_.images_path,
-             label + " refers to the missing camera " + std::to_string(record.camera_id));
+             fmt::format("{} refers to the missing camera {}", label, record.camera_id));
       }
       const int index = static_cast<int>(model_.scene.frames.size());
       if (!image_index_.emplace(record.id, Image{index, &record}).second) {
@@ -166,7 +168,7 @@ class ModelBuilder {
   void AddPoints() {
     std::set<std::uint64_t> ids;
     for (const ColmapPointRecord& record : records_.points) {
-      const std::string label = "point " + std::to_string(record.id);
+      const std::string label = fmt::format("point {}", record.id);
       if (!ids.insert(record.id).second) Fail(records_.points_path, label + " appears twice");
       if (!AllFinite(record.xyz) || !std::isfinite(record.error_px)) {
         Fail(records_.points_path, label + " is not finite");
@@ -180,21 +182,22 @@ class ModelBuilder {
   }
 
   void AddObservation(const ColmapPointRecord& record, const ColmapTrackElement& element, Point3D* point) {
-    const std::string label = "point " + std::to_string(record.id);
+    const std::string label = fmt::format("point {}", record.id);
     const auto image = image_index_.find(element.image_id);
     if (image == image_index_.end()) {
-      Fail(records_.points_path, label + " refers to the missing image " + std::to_string(element.image_id));
+      Fail(records_.points_path, fmt::format("{} refers to the missing image {}", label, element.image_id));
     }
     const auto& features = image->second.record->features;
     if (element.feature_index >= features.size() || features[element.feature_index].point_id != record.id) {
       Fail(records_.points_path,
-           label + " refers to feature " + std::to_string(element.feature_index) + " of image " +
-               std::to_string(element.image_id) + ", which does not refer back");
+           fmt::format("{} refers to feature {} of image {}, which does not refer back",
+                       label,
+                       element.feature_index,
+                       element.image_id));
     }
     const ColmapFeatureRecord& feature = features[element.feature_index];
     if (!std::isfinite(feature.x) || !std::isfinite(feature.y)) {
-      Fail(records_.images_path,
-           "image " + std::to_string(element.image_id) + " has a feature that is not finite");
+      Fail(records_.images_path, fmt::format("image {} has a feature that is not finite", element.image_id));
     }
     point->frame_indices.push_back(image->second.frame_index);
     model_.observations.push_back(
@@ -212,9 +215,10 @@ class ModelBuilder {
     }
     if (n_references != model_.observations.size()) {
       Fail(records_.images_path,
-           "refers to points " + std::to_string(n_references) + " times, but " +
-               records_.points_path.filename().string() + " holds " +
-               std::to_string(model_.observations.size()) + " track elements");
+           fmt::format("refers to points {} times, but {} holds {} track elements",
+                       n_references,
+                       records_.points_path.filename().string(),
+                       model_.observations.size()));
     }
   }
 

@@ -1,4 +1,6 @@
 // Writes a COLMAP sparse model as text. Layout: https://colmap.github.io/format.html#text-format.
+#include <fmt/format.h>
+
 #include <charconv>
 
 #include "io/base/atomic_file.h"
@@ -67,7 +69,7 @@ std::string PoseText(const Frame& frame) {
 void WriteColmapModel(const std::filesystem::path& folder, const ColmapModel& model) {
   std::string cameras, images, points;
   for (std::size_t i = 0; i < model.scene.cameras.size(); ++i) {
-    cameras += std::to_string(i + 1) + " " + CameraLine(model.scene.cameras[i]) + "\n";
+    cameras += fmt::format("{} {}\n", i + 1, CameraLine(model.scene.cameras[i]));
   }
   // Feature k of a picture is its k-th observation.
   std::vector<std::string> features(model.scene.frames.size()), tracks(model.scene.points.size());
@@ -82,8 +84,12 @@ void WriteColmapModel(const std::filesystem::path& folder, const ColmapModel& mo
   }
   for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
     const Frame& frame = model.scene.frames[i];
-    images += std::to_string(i + 1) + PoseText(frame) + " " + std::to_string(frame.camera_index + 1) + " " +
-              frame.image_path.string() + "\n" + features[i] + "\n";
+    images += fmt::format("{}{} {} {}\n{}\n",
+                          i + 1,
+                          PoseText(frame),
+                          frame.camera_index + 1,
+                          frame.image_path.string(),
+                          features[i]);
   }
   for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
     const Point3D& point = model.scene.points[i];

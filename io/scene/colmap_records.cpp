@@ -1,6 +1,8 @@
 // Parsers of the binary and the text form.
 #include "io/scene/colmap_records.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cstring>
@@ -54,7 +56,7 @@ class ByteCursor {
   std::size_t TakeCount(std::size_t min_bytes, const std::string& what) {
     const auto count = Take<std::uint64_t>(what);
     if (count > Remaining() / min_bytes) {
-      Fail(path_, "states " + std::to_string(count) + " " + what + " but ends before them");
+      Fail(path_, fmt::format("states {} {} but ends before them", count, what));
     }
     return static_cast<std::size_t>(count);
   }
@@ -68,7 +70,7 @@ class ByteCursor {
   }
 
   void ExpectEnd() const {
-    if (Remaining() > 0) Fail(path_, "has " + std::to_string(Remaining()) + " bytes after its last record");
+    if (Remaining() > 0) Fail(path_, fmt::format("has {} bytes after its last record", Remaining()));
   }
 
  private:
@@ -87,9 +89,8 @@ void ReadBinary(ColmapRecords* records) {
     camera.id = cameras.Take<std::uint32_t>("a camera");
     const auto model = cameras.Take<std::int32_t>("a camera");
     if (model < 0 || model >= static_cast<int>(std::size(kCameraModels))) {
-      Fail(
-          records->cameras_path,
-          "camera " + std::to_string(camera.id) + " has the undefined model number " + std::to_string(model));
+      Fail(records->cameras_path,
+           fmt::format("camera {} has the undefined model number {}", camera.id, model));
     }
     camera.model = kCameraModels[model].name;
     camera.width = cameras.Take<std::uint64_t>("a camera");
@@ -105,7 +106,7 @@ void ReadBinary(ColmapRecords* records) {
   for (std::size_t n = images.TakeCount(73, "images"); n > 0; --n) {
     ColmapImageRecord image;
     image.id = images.Take<std::uint32_t>("an image");
-    const std::string label = "image " + std::to_string(image.id);
+    const std::string label = fmt::format("image {}", image.id);
     for (double& value : image.quaternion_wxyz) value = images.Take<double>(label);
     for (double& value : image.translation) value = images.Take<double>(label);
     image.camera_id = images.Take<std::uint32_t>(label);
@@ -125,7 +126,7 @@ void ReadBinary(ColmapRecords* records) {
   for (std::size_t n = points.TakeCount(51, "points"); n > 0; --n) {
     ColmapPointRecord point;
     point.id = points.Take<std::uint64_t>("a point");
-    const std::string label = "point " + std::to_string(point.id);
+    const std::string label = fmt::format("point {}", point.id);
     for (double& value : point.xyz) value = points.Take<double>(label);
     for (std::uint8_t& value : point.rgb) value = points.Take<std::uint8_t>(label);
     point.error_px = points.Take<double>(label);
@@ -162,7 +163,7 @@ class TextCursor {
   }
 
   std::string_view TakeWord() {
-    if (AtLineEnd()) Fail(path_, "line " + std::to_string(line_) + " ends too early");
+    if (AtLineEnd()) Fail(path_, fmt::format("line {} ends too early", line_));
     const std::string_view word = rest_.substr(0, rest_.find_first_of(" \t"));
     rest_.remove_prefix(word.size());
     return word;
@@ -174,9 +175,7 @@ class TextCursor {
     T value{};
     const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
     if (error != std::errc() || end != word.data() + word.size()) {
-      Fail(path_,
-           "line " + std::to_string(line_) + ": '" + std::string(word.substr(0, 40)) +
-               "' is not a number in range");
+      Fail(path_, fmt::format("line {}: '{}' is not a number in range", line_, word.substr(0, 40)));
     }
     return value;
   }

@@ -2,6 +2,8 @@
 // and the extra or double-precision vertex properties that other programs write beside a transforms.json.
 #include "io/scene/ply.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <charconv>
 #include <cmath>
@@ -17,7 +19,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "PLY bytes are copied as they lie in memory");
 
-constexpr std::size_t kMaxHeaderBytes = 64 * 1024;  // an honest header has a dozen short lines
+constexpr std::size_t kMaxHeaderBytes = 64 * 1024;  // real headers have a dozen short lines
 constexpr std::size_t kBytesPerPoint = 3 * sizeof(float) + 3;
 
 enum class Scalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
@@ -137,7 +139,7 @@ double ParseScalar(const std::filesystem::path& path, const std::string& bytes, 
   while (*at < bytes.size() && std::strchr(" \t\r\n", bytes[*at])) ++*at;
   double value = 0;
   const auto [stop, error] = std::from_chars(bytes.data() + *at, bytes.data() + bytes.size(), value);
-  if (error != std::errc()) Fail(path, "byte " + std::to_string(*at) + " is not the start of a number");
+  if (error != std::errc()) Fail(path, fmt::format("byte {} is not the start of a number", *at));
   *at = static_cast<std::size_t>(stop - bytes.data());
   return value;
 }
@@ -169,7 +171,7 @@ std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
   // overflow.
   const std::size_t least_row = header.is_ascii ? 2 * n : row;
   if (header.points > (bytes.size() - header.size + 1) / least_row)
-    Fail(path, "holds fewer than the " + std::to_string(header.points) + " points it states");
+    Fail(path, fmt::format("holds fewer than the {} points it states", header.points));
 
   std::vector<Point3D> points(header.points);
   std::vector<double> values(n);
@@ -185,11 +187,10 @@ std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
     }
     for (int c = 0; c < 3; ++c) {
       points[i].xyz[c] = values[static_cast<std::size_t>(xyz[c])];
-      if (!std::isfinite(points[i].xyz[c])) Fail(path, "point " + std::to_string(i) + " is not finite");
+      if (!std::isfinite(points[i].xyz[c])) Fail(path, fmt::format("point {} is not finite", i));
       if (rgb[c] < 0) continue;
       const double value = values[static_cast<std::size_t>(rgb[c])];
-      if (!(value >= 0 && value <= 255))
-        Fail(path, "point " + std::to_string(i) + " has a colour out of range");
+      if (!(value >= 0 && value <= 255)) Fail(path, fmt::format("point {} has a colour out of range", i));
       points[i].rgb[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value);
     }
   }
@@ -197,10 +198,11 @@ std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
 }
 
 void WritePly(const std::filesystem::path& path, const std::vector<Point3D>& points) {
-  std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " +
-                      std::to_string(points.size()) +
-                      "\nproperty float x\nproperty float y\nproperty float z\n"
-                      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+  std::string bytes = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
+      "property float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+      points.size());
   bytes.reserve(bytes.size() + points.size() * kBytesPerPoint);
   for (const Point3D& point : points) {
     for (int c = 0; c < 3; ++c) {

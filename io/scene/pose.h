@@ -41,9 +41,6 @@ inline Sim3d operator*(const Sim3d& c_from_b, const Sim3d& b_from_a) {
           c_from_b * b_from_a.translation};
 }
 
-// The rotation R that is nearest to `matrix`: R maximises trace(R^T matrix) (Kabsch 1976).
-Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix);
-
 // Moves a camera pose into another world: the centre is transformed, the camera keeps its own unit of length.
 inline Rigid3d TransformPose(const Sim3d& b_from_a, const Rigid3d& a_from_cam) {
   return {b_from_a.rotation * a_from_cam.rotation, b_from_a * a_from_cam.translation};

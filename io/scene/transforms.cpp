@@ -3,6 +3,8 @@
 // matrix against rigidity.
 #include "io/scene/transforms.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -11,6 +13,7 @@
 
 #include "io/base/json_reader.h"
 #include "io/image/image_size.h"
+#include "io/scene/decomposition.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms_camera.h"
 
@@ -77,7 +80,7 @@ class TransformsReader {
 };
 
 Eigen::Vector3d ReadVector(const JsonReader& json, double limit) {
-  if (json.Size() != 3) json.Fail("has " + std::to_string(json.Size()) + " elements instead of 3");
+  if (json.Size() != 3) json.Fail(fmt::format("has {} elements instead of 3", json.Size()));
   return {
       json.At(0).Number(-limit, limit), json.At(1).Number(-limit, limit), json.At(2).Number(-limit, limit)};
 }
@@ -94,11 +97,11 @@ Eigen::Matrix3d CheckedRotation(const JsonReader& json, const Eigen::Matrix3d& m
 Pose ReadPose(const JsonReader& json, TransformsDialect dialect) {
   const std::size_t rows = json.Size();
   if (rows != 4 && !(rows == 3 && dialect == TransformsDialect::kInstantNgp))
-    json.Fail("has " + std::to_string(rows) + " rows", "Give a 4x4 camera-to-world matrix");
+    json.Fail(fmt::format("has {} rows", rows), "Give a 4x4 camera-to-world matrix");
   Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
   for (std::size_t r = 0; r < rows; ++r) {
     const JsonReader row = json.At(r);
-    if (row.Size() != 4) row.Fail("has " + std::to_string(row.Size()) + " elements instead of 4");
+    if (row.Size() != 4) row.Fail(fmt::format("has {} elements instead of 4", row.Size()));
     for (std::size_t c = 0; c < 4; ++c)
       matrix(static_cast<int>(r), static_cast<int>(c)) = row.At(c).Number(-kMaxCoordinate, kMaxCoordinate);
   }
@@ -221,8 +224,10 @@ TransformsFile TransformsReader::Read() {
   CheckKeys(json_, "");
   for (std::size_t i = 0; i < frames.Size(); ++i) ReadFrame(frames.At(i));
   if (!file_.missing_images.empty() && file_.scene.frames.size() < 2) {
-    json_.Fail(std::to_string(file_.missing_images.size()) + " of " + std::to_string(frames.Size()) +
-                   " pictures do not exist, first " + file_.missing_images[0],
+    json_.Fail(fmt::format("{} of {} pictures do not exist, first {}",
+                           file_.missing_images.size(),
+                           frames.Size(),
+                           file_.missing_images[0]),
                "Put them beside the JSON file");
   }
   if (json_.Has("ply_file_path")) {
@@ -234,8 +239,9 @@ TransformsFile TransformsReader::Read() {
   if (json_.Has("pipeline")) ReadPipeline(json_.At("pipeline"));
   for (const std::string& key : ignored_keys_) file_.notes.push_back("ignored " + key);
   if (worst_deviation_ > kSinglePrecision)
-    file_.notes.push_back("rotations deviated from orthonormal by up to " + std::to_string(worst_deviation_) +
-                          " and were replaced by the nearest ones");
+    file_.notes.push_back(
+        fmt::format("rotations deviated from orthonormal by up to {:f} and were replaced by the nearest ones",
+                    worst_deviation_));
   return std::move(file_);
 }
 

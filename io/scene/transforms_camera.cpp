@@ -1,5 +1,7 @@
 #include "io/scene/transforms_camera.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -12,7 +14,7 @@ namespace {
 
 constexpr double kMaxPixels = 65535;    // as ReadImageSize
 constexpr double kMaxFocal = 1e7;       // pixels; a longer lens sees a thousandth of a degree
-constexpr double kMaxDistortion = 100;  // an honest k2 of a strong lens is below 10
+constexpr double kMaxDistortion = 100;  // the k2 of a strong lens is below 10
 // Relative; a rounded angle differs by 1e-6, another camera by percents.
 constexpr double kFocalAgreement = 1e-3;
 constexpr double kSameNumber = 1e-9;  // relative; the same value printed by two programs
@@ -73,9 +75,8 @@ Camera ReadTransformsCamera(const JsonReader& top,
     const std::optional<double> stated = Stated(top, frame, key, 1, kMaxPixels);
     const JsonReader scope = frame.Has(key) ? frame : top;
     if (stated && scope.At(key).Integer(1, static_cast<int>(kMaxPixels)) != pixels)
-      scope.At(key).Fail(
-          "differs from " + image_path.filename().string() + ", which has " + std::to_string(pixels),
-          "Correct the size or use the pictures that it belongs to");
+      scope.At(key).Fail(fmt::format("differs from {}, which has {}", image_path.filename().string(), pixels),
+                         "Correct the size or use the pictures that it belongs to");
   };
   check_side("w", size.width);
   check_side("h", size.height);

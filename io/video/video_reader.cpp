@@ -1,6 +1,7 @@
 #include "io/video/video_reader.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -70,7 +71,7 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   // The descriptor's name hides the file's own name, in which FFmpeg would see protocols and number patterns.
   bool opened = false;
   try {
-    opened = s.capture.open("/proc/self/fd/" + std::to_string(s.fd), cv::CAP_FFMPEG);
+    opened = s.capture.open(fmt::format("/proc/self/fd/{}", s.fd), cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {
   }
   if (!opened) {
@@ -84,7 +85,7 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   const auto pixel_format = static_cast<std::uint32_t>(s.capture.get(cv::CAP_PROP_CODEC_PIXEL_FORMAT));
   const std::uint32_t bits = pixel_format >> 24;
   if ((pixel_format & 0xff) == 'Y' && bits > 8 && bits <= 16) {
-    s.info.notes.push_back(std::to_string(bits) + " bits per channel reduced to 8, without tone mapping");
+    s.info.notes.push_back(fmt::format("{} bits per channel reduced to 8, without tone mapping", bits));
   }
 }
 

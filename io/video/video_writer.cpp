@@ -1,7 +1,8 @@
 #include "io/video/video_writer.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
@@ -55,24 +56,19 @@ std::string FaultOfVideo(const fs::path& mp4, const fs::path& folder, int frames
     }
   }
   if (decoded == frames) return "";
-  return "the product has " + std::to_string(decoded) + " frames instead of " + std::to_string(frames);
+  return fmt::format("the product has {} frames instead of {}", decoded, frames);
 }
 
 }  // namespace
 
-std::string VideoFrameName(int index) {
-  char name[32];
-  std::snprintf(name, sizeof name, "%06d.png", index + 1);
-  return name;
-}
+std::string VideoFrameName(int index) { return fmt::format("{:06}.png", index + 1); }
 
 VideoReport EncodeVideo(
     const VideoEncoder& encoder, const fs::path& folder, int frames, double fps, const fs::path& mp4) {
   const fs::path target = fs::absolute(mp4), partial = target.string() + ".partial.mp4";
   const fs::path log = target.string() + ".log";
   fs::remove(log);
-  char rate[32];
-  std::snprintf(rate, sizeof rate, "%.6g", fps);
+  const std::string rate = fmt::format("{:.6g}", fps);
   // The pattern is relative to the working folder, because image2 would read a % in the folder's name as part
   // of it; "file:" keeps a colon in the path from being read as a protocol.
   std::vector<std::string> argv = {encoder.ffmpeg.string(), "-nostdin", "-hide_banner", "-loglevel", "error"};
@@ -93,10 +89,10 @@ VideoReport EncodeVideo(
   const ProcessReport process = RunProcess(argv, options);
   std::string fault;
   if (process.timed_out) {
-    fault = "stopped after " + std::to_string(static_cast<int>(options.timeout_s)) + " s";
+    fault = fmt::format("stopped after {} s", static_cast<int>(options.timeout_s));
   } else if (!process.Ok()) {
-    fault = process.signal != 0 ? "signal " + std::to_string(process.signal)
-                                : "exit code " + std::to_string(process.exit_code);
+    fault = process.signal != 0 ? fmt::format("signal {}", process.signal)
+                                : fmt::format("exit code {}", process.exit_code);
   } else {
     fault = FaultOfVideo(partial, folder, frames);
   }
@@ -149,10 +145,10 @@ VideoEncoder ProbeVideoEncoder(int width, int height, const fs::path& scratch) {
     }
   }
   fs::remove_all(clip);
-  throw Error(ExitCode::kMissingTool,
-              ffmpeg->string() + ": no codec can write an MP4 of " + std::to_string(width) + "x" +
-                  std::to_string(height) + " (" + failures + ")",
-              "Install a complete ffmpeg: apt-get install ffmpeg");
+  throw Error(
+      ExitCode::kMissingTool,
+      fmt::format("{}: no codec can write an MP4 of {}x{} ({})", ffmpeg->string(), width, height, failures),
+      "Install a complete ffmpeg: apt-get install ffmpeg");
 }
 
 }  // namespace io

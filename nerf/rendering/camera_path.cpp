@@ -4,10 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-
 #include "io/base/error.h"
+#include "io/scene/decomposition.h"
 
 namespace nerf {
 namespace {
@@ -55,9 +53,8 @@ Vector3d FocusPoint(const io::Scene& scene) {
     mean_view += view;
   }
   const double n = static_cast<double>(scene.frames.size());
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> spread(normal / n);
-  if (spread.eigenvalues()[0] > kMinAxisSpread) {
-    const Vector3d focus = normal.ldlt().solve(right);
+  if (io::EigenDecomposition(normal / n).values[0] > kMinAxisSpread) {
+    const Vector3d focus = io::SolveSymmetric(normal, right);
     const auto faces = std::count_if(scene.frames.begin(), scene.frames.end(), [&](const io::Frame& frame) {
       return (focus - frame.world_from_cam.translation).dot(frame.world_from_cam.rotation.col(2)) < 0;
     });
@@ -77,9 +74,9 @@ Vector3d UpDirection(const io::Scene& scene) {
     mean_up += frame.world_from_cam.rotation.col(1);
   }
   mean_up.normalize();
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> spread(horizontal / static_cast<double>(scene.frames.size()));
-  const Vector3d normal = spread.eigenvectors().col(0);
-  if (spread.eigenvalues()[1] < kMinHorizontalSpread || std::abs(normal.dot(mean_up)) < 0.5) return mean_up;
+  const auto [spread, axes] = io::EigenDecomposition(horizontal / static_cast<double>(scene.frames.size()));
+  const Vector3d normal = axes.col(0);
+  if (spread[1] < kMinHorizontalSpread || std::abs(normal.dot(mean_up)) < 0.5) return mean_up;
   return normal.dot(mean_up) > 0 ? normal : -normal;
 }
 

@@ -38,7 +38,7 @@ std::vector<Cell> SelectCells(const std::vector<std::string>& wanted) {
   if (!unknown.empty()) {
     throw io::Error(io::ExitCode::kUsage,
                     "--cases: '" + *unknown.begin() + "' is unknown",
-                    "Hard cases are named S01 to S45; see sfm/hard_case_table.cpp");
+                    "Hard cases are named S01 to S45; see sfm/synthetic/hard_case_table.cpp");
   }
   return cells;
 }
@@ -53,9 +53,6 @@ bool HasPassed(const Cell& cell) {
          count(sfm::IsFolded) == 0;
 }
 
-// The name of a cause, "no baseline", stands before its explanation.
-std::string CauseName(const std::string& cause) { return cause.substr(0, cause.find(':')); }
-
 void PrintCell(const Cell& cell) {
   std::vector<double> rotations, centres;
   std::map<std::string, int> causes;
@@ -67,8 +64,8 @@ void PrintCell(const Cell& cell) {
     folded += sfm::IsFolded(r);
     if (!r.failure.empty()) {
       ++causes["FAILED: " + r.failure.substr(0, r.failure.find('\n'))];
-    } else if (!r.refusal.empty()) {
-      ++causes[CauseName(r.refusal)];
+    } else if (r.refusal) {
+      ++causes[sfm::Name(r.refusal->cause)];
     } else {
       registered += r.registered;
       pictures += r.pictures;
@@ -131,7 +128,7 @@ void WriteMatrix(const std::filesystem::path& path, const std::vector<Cell>& cel
                                        r.camera_model,
                                        CsvNumber(r.wall_s),
                                        CsvNumber(r.cpu_s),
-                                       r.refusal,
+                                       r.refusal ? r.refusal->Message() : "",
                                        r.failure})
         fields.push_back(field);
       text += CsvLine(fields);

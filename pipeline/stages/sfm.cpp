@@ -146,8 +146,9 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                      .dump());
   Json unregistered = Json::array();
   for (const sfm::Unregistered& picture : result.unregistered) {
-    unregistered.push_back({{"name", picture.name}, {"cause", picture.cause}});
-    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), picture.cause.c_str());
+    const std::string cause = picture.refusal.Summary();
+    unregistered.push_back({{"name", picture.name}, {"cause", cause}});
+    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), cause.c_str());
   }
   stage->SetJson("unregistered", unregistered.dump());
   char line[200];

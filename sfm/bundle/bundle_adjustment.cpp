@@ -1,5 +1,7 @@
 #include "sfm/bundle/bundle_adjustment.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -18,17 +20,18 @@ void CheckObservations(const io::ColmapModel& model) {
   for (const io::Observation& observation : model.observations) {
     const io::Frame& frame = model.scene.frames[static_cast<std::size_t>(observation.frame_index)];
     const Eigen::Vector3d& xyz = model.scene.points[static_cast<std::size_t>(observation.point_index)].xyz;
-    const std::string label = frame.image_path.string() + ": ";
+    const std::string name = frame.image_path.string();
     if (!observation.xy.allFinite() || !xyz.allFinite()) {
       throw io::Error(
           io::ExitCode::kNumeric,
-          label + "an observation of point " + std::to_string(observation.point_index) + " is not finite",
+          fmt::format("{}: an observation of point {} is not finite", name, observation.point_index),
           "Reconstruct the capture again");
     }
     if (!((frame.world_from_cam.Inverse() * xyz).z() < 0)) {
       throw io::Error(io::ExitCode::kNumeric,
-                      label + "point " + std::to_string(observation.point_index) +
-                          " is observed but does not lie in front of the camera",
+                      fmt::format("{}: point {} is observed but does not lie in front of the camera",
+                                  name,
+                                  observation.point_index),
                       "Reconstruct the capture again");
     }
   }

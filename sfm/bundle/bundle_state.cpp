@@ -1,5 +1,7 @@
 #include "sfm/bundle/bundle_state.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "io/base/error.h"
@@ -24,7 +26,7 @@ io::Sim3d UnitFromWorld(const io::Scene& scene) {
   }
   if (!(mean_square > 0)) {
     throw io::Error(io::ExitCode::kNumeric,
-                    "all " + std::to_string(scene.frames.size()) + " cameras stand at one place",
+                    fmt::format("all {} cameras stand at one place", scene.frames.size()),
                     "Bundle adjustment needs pictures from different places");
   }
   const double scale = 1 / std::sqrt(mean_square);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <numbers>
 
+#include "io/scene/decomposition.h"
 #include "sfm/bundle/bundle_state.h"
 
 namespace sfm {
@@ -133,12 +134,10 @@ class ReducedSystem {
       point_block += w * d_point.transpose() * d_point;
     }
     // V^-1 = G G^T without the directions in which the observations do not determine the point: there W is 0.
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(point_block);
-    const Eigen::Vector3d values = eigen.eigenvalues();
+    const auto [values, vectors] = io::EigenDecomposition(point_block);
     Eigen::Matrix3d root = Eigen::Matrix3d::Zero();
     for (int i = 0; i < 3; ++i) {
-      if (values[i] > kPointRank * values[2])
-        root.col(i) = eigen.eigenvectors().col(i) / std::sqrt(values[i]);
+      if (values[i] > kPointRank * values[2]) root.col(i) = vectors.col(i) / std::sqrt(values[i]);
     }
     for (Block& block : blocks) block.with_point *= root;
     for (const Block& a : blocks) {

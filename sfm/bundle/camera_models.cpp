@@ -18,30 +18,31 @@ constexpr double kMinOwnFocalsFall = 0.02;
 
 }  // namespace
 
-const std::vector<CameraStep>& CameraLadder() {
-  static const std::vector<CameraStep> steps = {
+const std::vector<CameraExtension>& CameraModels() {
+  static const std::vector<CameraExtension> models = {
       {"SIMPLE_RADIAL", "k1", {.k1 = true}, kMinFall},
       {"RADIAL", "k2", {.k2 = true}, kMinFall},
       {"OPENCV", "fl_y, p1, p2", {.aspect = true, .tangential = true}, kMinFall},
   };
-  return steps;
+  return models;
 }
 
-CameraStep Joined(const CameraStep& first, const CameraStep& second) {
-  return {second.name,
+CameraExtension Joined(const CameraExtension& first, const CameraExtension& second) {
+  return {second.model,
           first.parameters + ", " + second.parameters,
           Union(first.added, second.added),
           second.min_fall};
 }
 
-const CameraStep& PrincipalPointStep() {
-  static const CameraStep step = {"", "principal point", {.principal_point = true}, kMinFall};
-  return step;
+const CameraExtension& PrincipalPointExtension() {
+  static const CameraExtension extension = {"", "principal point", {.principal_point = true}, kMinFall};
+  return extension;
 }
 
-const CameraStep& OwnFocalsStep() {
-  static const CameraStep step = {"", "a focal length per picture", {.focal = true}, kMinOwnFocalsFall};
-  return step;
+const CameraExtension& OwnFocalsExtension() {
+  static const CameraExtension extension = {
+      "", "a focal length per picture", {.focal = true}, kMinOwnFocalsFall};
+  return extension;
 }
 
 FreeIntrinsics Union(const FreeIntrinsics& a, const FreeIntrinsics& b) {
@@ -68,9 +69,9 @@ FreeIntrinsics FreeParametersOf(const std::string& camera_model) {
   if (camera_model == "PINHOLE") return {.focal = true, .aspect = true};
   FreeIntrinsics free{.focal = true};
   if (camera_model == "SIMPLE_PINHOLE") return free;
-  for (const CameraStep& step : CameraLadder()) {
-    free = Union(free, step.added);
-    if (step.name == camera_model) return free;
+  for (const CameraExtension& extension : CameraModels()) {
+    free = Union(free, extension.added);
+    if (extension.model == camera_model) return free;
   }
   throw io::Error(io::ExitCode::kUsage,
                   "--camera-model: '" + camera_model + "' is not supported",

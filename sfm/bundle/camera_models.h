@@ -1,4 +1,4 @@
-// The camera models that a capture may need, from the simplest on.
+// The camera models that a capture may need, in the order of their freedom.
 #pragma once
 
 #include <string>
@@ -8,26 +8,27 @@
 
 namespace sfm {
 
-// One enlargement of the camera model.
-struct CameraStep {
-  std::string name, parameters;  // of COLMAP's camera model; what is added to it
+// Parameters that a camera model may be extended by.
+struct CameraExtension {
+  std::string model;       // COLMAP's name of what it leads to; empty: it changes no name
+  std::string parameters;  // that are added
   FreeIntrinsics added;
   double min_fall;  // share by which the error of held-out observations must fall
 
-  std::string Title() const { return name.empty() ? parameters : name + " (" + parameters + ")"; }
+  std::string Title() const { return model.empty() ? parameters : model + " (" + parameters + ")"; }
 };
 
-// SIMPLE_RADIAL, RADIAL, OPENCV: each adds to the one before, the first to SIMPLE_PINHOLE.
-const std::vector<CameraStep>& CameraLadder();
+// SIMPLE_RADIAL, RADIAL, OPENCV: each extends the one before, the first SIMPLE_PINHOLE.
+const std::vector<CameraExtension>& CameraModels();
 
 // Both at once: what the second leads to.
-CameraStep Joined(const CameraStep& first, const CameraStep& second);
+CameraExtension Joined(const CameraExtension& first, const CameraExtension& second);
 
 // May be added to any of them.
-const CameraStep& PrincipalPointStep();
+const CameraExtension& PrincipalPointExtension();
 
 // A focal length per picture instead of one for all pictures of a camera: autofocus, zoom.
-const CameraStep& OwnFocalsStep();
+const CameraExtension& OwnFocalsExtension();
 
 // Frees what either frees, in the lens of `a`.
 FreeIntrinsics Union(const FreeIntrinsics& a, const FreeIntrinsics& b);

@@ -1,5 +1,7 @@
 #include "sfm/features/features.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <mutex>
@@ -113,7 +115,7 @@ std::vector<Features> DetectFeatures(const fs::path& images_folder,
     const std::lock_guard lock(mutex);
     ++done;
     progress.Update(static_cast<double>(done) / static_cast<double>(names.size()),
-                    std::to_string(done) + " of " + std::to_string(names.size()));
+                    fmt::format("{} of {}", done, names.size()));
   });
   return features;
 }

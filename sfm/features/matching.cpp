@@ -1,5 +1,7 @@
 #include "sfm/features/matching.h"
 
+#include <fmt/format.h>
+
 #include <mutex>
 
 #include "io/base/parallel.h"
@@ -58,7 +60,7 @@ std::vector<PairMatches> MatchFeatures(const std::vector<Features>& features,
     const std::lock_guard lock(mutex);
     ++done;
     progress.Update(static_cast<double>(done) / static_cast<double>(matches.size()),
-                    std::to_string(done) + " of " + std::to_string(matches.size()) + " pairs");
+                    fmt::format("{} of {} pairs", done, matches.size()));
   });
   return matches;
 }

@@ -1,5 +1,6 @@
 #include "sfm/mapping/colmap.h"
 
+#include <fmt/format.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -81,9 +82,7 @@ class LogProgress {
   }
 
  private:
-  void Show(double fraction) {
-    progress_.Update(fraction, std::to_string(done_) + " of " + std::to_string(total_));
-  }
+  void Show(double fraction) { progress_.Update(fraction, fmt::format("{} of {}", done_, total_)); }
 
   fs::path log_;
   io::Progress progress_;
@@ -145,15 +144,15 @@ bool Colmap::Run(const Step& step) {
   const bool out_of_memory =
       !report.timed_out && (report.signal == SIGKILL || tail.find("bad_alloc") != std::string::npos);
   if (out_of_memory) {
-    throw Error(
-        ExitCode::kNoResources,
-        "colmap " + step.command + " ran out of memory (" + std::to_string(memory_bytes_ >> 30) + " GiB)",
-        "Use fewer --threads or smaller pictures (ingest --max-size)");
+    throw Error(ExitCode::kNoResources,
+                fmt::format("colmap {} ran out of memory ({} GiB)", step.command, memory_bytes_ >> 30),
+                "Use fewer --threads or smaller pictures (ingest --max-size)");
   }
   const std::string how = report.timed_out     ? "did not finish in " + io::FormatDuration(step.limit_s)
-                          : report.signal != 0 ? "crashed with signal " + std::to_string(report.signal)
-                                               : "failed with exit code " + std::to_string(report.exit_code);
-  throw Error(ExitCode::kMissingTool, "colmap " + step.command + " " + how + "; its last lines:\n" + tail);
+                          : report.signal != 0 ? fmt::format("crashed with signal {}", report.signal)
+                                               : fmt::format("failed with exit code {}", report.exit_code);
+  throw Error(ExitCode::kMissingTool,
+              fmt::format("colmap {} {}; its last lines:\n{}", step.command, how, tail));
 }
 
 void Colmap::CreateDatabase(const fs::path& path) {
@@ -212,7 +211,7 @@ std::vector<Features> Colmap::ExtractFeatures(const fs::path& images_folder,
 void Colmap::VerifyShard(const CapturedViews& views,
                          const std::vector<PairMatches>& shard,
                          std::size_t index) {
-  const std::string stem = "shard" + std::to_string(index);
+  const std::string stem = fmt::format("shard{}", index);
   const fs::path database = work_folder_ / (stem + ".db"), list = work_folder_ / (stem + ".txt"),
                  log = work_folder_ / (stem + ".log");
   CreateDatabase(database);
@@ -252,13 +251,13 @@ void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMat
     const std::lock_guard lock(mutex_);
     ++done;
     progress.Update(static_cast<double>(done) / static_cast<double>(shards.size()),
-                    std::to_string(matches.size()) + " pairs");
+                    fmt::format("{} pairs", matches.size()));
   });
   CreateDatabase(database_);
   WritePictures(database_, views.groups, views.camera_model, views.names, views.features);
   WriteMatches(database_, views.names, matches);
   for (std::size_t i = 0; i < shards.size(); ++i) {
-    const fs::path shard = work_folder_ / ("shard" + std::to_string(i) + ".db");
+    const fs::path shard = work_folder_ / fmt::format("shard{}.db", i);
     CopyGeometries(shard, database_);
     fs::remove(shard);
   }

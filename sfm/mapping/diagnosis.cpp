@@ -1,18 +1,17 @@
 #include "sfm/mapping/diagnosis.h"
 
-#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
 
-#include "io/base/format.h"
 #include "io/base/median.h"
+#include "io/scene/decomposition.h"
 
 namespace sfm {
 namespace {
-
-using io::Format;
 
 // COLMAP's mapper registers a picture by at least 30 points and needs 15 inliers for a pair; a picture with
 // fewer features than this rarely gives both.
@@ -77,12 +76,11 @@ std::vector<Eigen::Vector3d> Rays(const io::Scene& scene, const io::Point3D& poi
   return rays;
 }
 
-std::string NoBaselineCause(double share) {
-  return Format(
-      "no baseline: in %.0f %% of the picture pairs a pure rotation (or one flat surface) explains "
-      "everything, so depth "
-      "cannot be measured; walk around the subject instead of turning on the spot",
-      100 * share);
+Refusal RotationOnly(double share) {
+  return {RefusalCause::kRotationOnly,
+          fmt::format("in {:.0f} % of the picture pairs a pure rotation (or one flat surface) explains "
+                      "everything, so depth cannot be measured",
+                      100 * share)};
 }
 
 }  // namespace
@@ -162,46 +160,44 @@ double LineRatio(const io::Scene& scene) {
   offsets.resize((offsets.size() + 1) / 2);
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& offset : offsets) scatter += offset * offset.transpose();
-  const Eigen::Vector3d eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues();
+  const Eigen::Vector3d eigenvalues = io::EigenDecomposition(scatter).values;
   return eigenvalues[2] > 0 ? std::sqrt(std::max(0.0, eigenvalues[1]) / eigenvalues[2]) : 0;
 }
 
-std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence) {
+std::optional<Refusal> JudgeModel(const io::ColmapModel& model, const CaptureEvidence& evidence) {
   const int registered = static_cast<int>(model.scene.frames.size());
-  if (registered < kMinPictures || model.scene.points.empty()) return FailureCause(evidence, registered);
+  if (registered < kMinPictures || model.scene.points.empty()) return ExplainFailure(evidence, registered);
   const double share = FoldedShare(model.scene, evidence.pairs);
-  if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  if (share > kMaxHomographyShare) return RotationOnly(share);
   const double angle = MedianTriangulationAngleDeg(model.scene);
   if (angle < kMinMedianAngleDeg) {
-    return Format(
-        "no baseline: rays to the same point differ by only %.2f degrees (median; %.1f are needed); move the "
-        "camera "
-        "further between pictures",
-        angle,
-        kMinMedianAngleDeg);
+    return Refusal{
+        RefusalCause::kNarrowRays,
+        fmt::format("rays to the same point differ by only {:.2f} degrees (median; {:.1f} are needed)",
+                    angle,
+                    kMinMedianAngleDeg)};
   }
   const double line = LineRatio(model.scene);
   if (line < kMinLineRatio) {
-    return Format(
-        "no consistent model: all points lie on one line (spread across it %.3f of that along it), about "
-        "which "
-        "the cameras could turn freely; show more of the scene",
-        line);
+    return Refusal{RefusalCause::kPointsOnOneLine,
+                   fmt::format("all points lie on one line (spread across it {:.3f} of that along it), about "
+                               "which the cameras could turn freely",
+                               line)};
   }
-  if (!(model.mean_reprojection_error_px < kMaxMeanErrorPx)) {
-    return Format(
-        "no consistent model: points miss their pictures by %.1f px on average (at most %.0f are accepted)",
-        model.mean_reprojection_error_px,
-        kMaxMeanErrorPx);
+  const double error = model.mean_reprojection_error_px;
+  if (!(error < kMaxMeanErrorPx)) {
+    return Refusal{
+        RefusalCause::kLargeError,
+        fmt::format("points miss their pictures by {:.1f} px on average (at most {:.0f} are accepted)",
+                    error,
+                    kMaxMeanErrorPx)};
   }
   return std::nullopt;
 }
 
-std::string FailureCause(const CaptureEvidence& evidence, int registered) {
+Refusal ExplainFailure(const CaptureEvidence& evidence, int registered) {
   const int n = static_cast<int>(evidence.features.size());
-  if (n < kMinPictures) {
-    return Format("too few pictures: %d; at least %d are needed, 30 or more are better", n, kMinPictures);
-  }
+  if (n < kMinPictures) return {RefusalCause::kTooFewPictures, std::to_string(n)};
   std::vector<int> counts;
   std::vector<double> scales;
   int poor = 0;
@@ -210,55 +206,50 @@ std::string FailureCause(const CaptureEvidence& evidence, int registered) {
     if (picture.count > 0) scales.push_back(picture.median_scale_px);
     poor += picture.count < kFewFeatures;
   }
-  const bool blurred = io::Median(scales) > kBlurredScalePx;
-  if (blurred && 2 * poor > n) {
-    return Format(
-        "blur: %d of %d pictures have no fine detail (median feature size %.1f px); use more light, a faster "
-        "shutter or a steadier hand",
-        poor,
-        n,
-        io::Median(scales));
+  const double scale = io::Median(scales);
+  if (scale > kBlurredScalePx && 2 * poor > n) {
+    return {
+        RefusalCause::kBlur,
+        fmt::format("{} of {} pictures have no fine detail (median feature size {:.1f} px)", poor, n, scale)};
   }
   if (2 * poor > n) {
-    return Format(
-        "no texture: %d of %d pictures show fewer than %d features (median %d); put textured objects or a "
-        "newspaper into the scene",
-        poor,
-        n,
-        kFewFeatures,
-        io::Median(counts));
+    return {RefusalCause::kNoTexture,
+            fmt::format("{} of {} pictures show fewer than {} features (median {})",
+                        poor,
+                        n,
+                        kFewFeatures,
+                        io::Median(counts))};
   }
   const double share = HomographyShare(evidence.pairs);
-  if (share > kMaxHomographyShare) return NoBaselineCause(share);
+  if (share > kMaxHomographyShare) return RotationOnly(share);
   const int linked = LargestLinkedGroup(evidence);
   if (linked > kMaxUnexplainedShare * n) {
-    return Format(
-        "no consistent model: %d of %d pictures are linked by matches, but only %d fit together; mask what "
-        "moves, and walk sideways or around the subject rather than straight ahead",
-        linked,
-        n,
-        registered);
+    return {RefusalCause::kMisfit,
+            fmt::format(
+                "{} of {} pictures are linked by matches, but only {} fit together", linked, n, registered)};
   }
-  return Format(
-      "no overlap: only %d of %d pictures form one model (the largest group linked by matches has %d); take "
-      "pictures that share at least two thirds of their view with the next one",
-      registered,
-      n,
-      linked);
+  return {RefusalCause::kNoOverlap,
+          fmt::format("only {} of {} pictures form one model (the largest group linked by matches has {})",
+                      registered,
+                      n,
+                      linked)};
 }
 
-std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence) {
+Refusal ExplainMissingPicture(const std::string& name, const CaptureEvidence& evidence) {
   for (const PictureFeatures& picture : evidence.features) {
-    if (picture.name == name && picture.count < kFewFeatures) {
-      return picture.count > 0 && picture.median_scale_px > kBlurredScalePx
-                 ? Format("blur: %d features, median size %.1f px", picture.count, picture.median_scale_px)
-                 : Format("no texture: %d features", picture.count);
+    if (picture.name != name || picture.count >= kFewFeatures) continue;
+    if (picture.count > 0 && picture.median_scale_px > kBlurredScalePx) {
+      return {RefusalCause::kBlur,
+              fmt::format("{} features, median size {:.1f} px", picture.count, picture.median_scale_px)};
     }
+    return {RefusalCause::kNoTexture, fmt::format("{} features", picture.count)};
   }
   const int inliers = MostInliers(name, evidence.pairs);
-  if (inliers < kFewInliers) return Format("no overlap: its best pair shares %d matches", inliers);
-  return Format("no consistent model: %d matches with another picture, but too few agree with the model",
-                inliers);
+  if (inliers < kFewInliers) {
+    return {RefusalCause::kNoOverlap, fmt::format("its best pair shares {} matches", inliers)};
+  }
+  return {RefusalCause::kMisfit,
+          fmt::format("{} matches with another picture, but too few agree with the model", inliers)};
 }
 
 }  // namespace sfm

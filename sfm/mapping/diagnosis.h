@@ -1,5 +1,4 @@
-// Why a capture, or one picture of it, could not be reconstructed. Every message begins with one named cause:
-// "too few pictures", "no texture", "blur", "no overlap", "no baseline" or "no consistent model".
+// Why a capture, or one picture of it, could not be reconstructed, found from what its mapping brought.
 #pragma once
 
 #include <optional>
@@ -8,11 +7,9 @@
 
 #include "io/scene/colmap_model.h"
 #include "sfm/mapping/colmap_database.h"
+#include "sfm/mapping/refusal.h"
 
 namespace sfm {
-
-// Fewer pictures give no third view to confirm a point.
-constexpr int kMinPictures = 3;
 
 struct PictureFeatures {
   std::string name;
@@ -46,13 +43,14 @@ double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pair
 // ball. The rotation about such a line cannot be seen. 1 without points.
 double LineRatio(const io::Scene& scene);
 
-// A cause when the model must not be used: too few pictures, rays that hardly diverge, large errors.
-std::optional<std::string> RefusalCause(const io::ColmapModel& model, const CaptureEvidence& evidence);
+// Why the model must not be used: too few pictures, rays that hardly diverge, large errors. Nothing when it
+// may.
+std::optional<Refusal> JudgeModel(const io::ColmapModel& model, const CaptureEvidence& evidence);
 
-// The cause when no model, or only one of `registered` pictures, was found.
-std::string FailureCause(const CaptureEvidence& evidence, int registered);
+// Why no model, or only one of `registered` pictures, was found.
+Refusal ExplainFailure(const CaptureEvidence& evidence, int registered);
 
 // Why the picture is missing from the model.
-std::string UnregisteredCause(const std::string& name, const CaptureEvidence& evidence);
+Refusal ExplainMissingPicture(const std::string& name, const CaptureEvidence& evidence);
 
 }  // namespace sfm

@@ -1,5 +1,7 @@
 #include "sfm/mapping/mapping_attempt.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 #include <set>
@@ -69,8 +71,7 @@ int CountShared(const io::ColmapModel& a, const io::ColmapModel& b) {
 std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures) {
   std::map<std::string, std::vector<const Picture*>> by_key;
   for (const Picture& picture : pictures) {
-    by_key[picture.camera_group + "/" + std::to_string(picture.width) + "x" + std::to_string(picture.height)]
-        .push_back(&picture);
+    by_key[fmt::format("{}/{}x{}", picture.camera_group, picture.width, picture.height)].push_back(&picture);
   }
   std::vector<CameraGroup> groups;
   for (const auto& [key, members] : by_key) {

@@ -1,4 +1,4 @@
-// One pass through COLMAP: matches are verified and mapped, and what came out is read.
+// A mapping attempt: COLMAP verifies and maps given matches, and the models it wrote are read.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,7 @@
 #include "sfm/mapping/pair_agreement.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -9,6 +11,9 @@
 namespace sfm {
 namespace {
 
+// Good captures reach 0.07 (repeated texture far apart), and nothing between following pictures; folded
+// models begin at 0.16 and 0.19.
+constexpr double kMaxContradictingShare = 0.15, kMaxFollowingContradictingShare = 0.1;
 constexpr double kMaxErrorPx = 8;  // twice what COLMAP accepts in a pair: poses have errors, too
 constexpr double kMinAgreeingMatches = 0.5;
 constexpr int kFollowing = 3;
@@ -53,6 +58,21 @@ bool Contradicts(const View& a, const View& b, const VerifiedPair& pair) {
 }
 
 }  // namespace
+
+bool PairAgreement::Contradicts() const {
+  return contradicting_share > kMaxContradictingShare ||
+         following_contradicting_share > kMaxFollowingContradictingShare;
+}
+
+std::string PairAgreement::Figures() const {
+  return fmt::format(
+      "{} % of all matches and {} % of those between following pictures contradict the poses found ({} of {} "
+      "pairs)",
+      std::lround(100 * contradicting_share),
+      std::lround(100 * following_contradicting_share),
+      contradicting,
+      pairs);
+}
 
 PairAgreement CompareWithPairs(const io::Scene& scene,
                                const std::vector<std::string>& names,

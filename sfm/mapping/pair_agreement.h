@@ -1,8 +1,9 @@
-// Do the verified pairs tell the same story as the model? Where a scene repeats itself (identical facades, a
+// Whether the verified pairs agree with the model. Where a scene repeats itself (identical facades, a
 // symmetric object, a tiled floor) or moves, incremental mapping can fold different places into one: every
 // point fits, yet pairs of pictures that match well contradict the poses.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "io/scene/scene.h"
@@ -20,6 +21,10 @@ struct PairAgreement {
   // The same among pairs of following pictures: at most 3 apart in the order of the names. People walk, so
   // these overlap in truth.
   double following_contradicting_share = 0;
+
+  // Whether so many pairs disagree that the model must not be trusted.
+  bool Contradicts() const;
+  std::string Figures() const;  // the shares, in one line
 };
 
 // names[i] is the picture of features[i]; frames of the scene carry the picture's name. With unit rays a and

@@ -1,10 +1,10 @@
 #include "sfm/scene/doming.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
 #include <limits>
 
+#include "io/scene/decomposition.h"
 #include "sfm/scene/pose_error.h"
 
 namespace sfm {
@@ -23,8 +23,8 @@ double Doming(const std::vector<Eigen::Vector3d>& estimated, const std::vector<E
   in_plane.colwise() -= in_plane.rowwise().mean().eval();
   const double extent = in_plane.colwise().norm().maxCoeff();
   const Eigen::Matrix3d scatter = in_plane * in_plane.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
-  const Eigen::Matrix3d axes = eigen.eigenvectors().rowwise().reverse();  // the normal is the last
+  const Eigen::Matrix3d axes =
+      io::EigenDecomposition(scatter).vectors.rowwise().reverse();  // the normal is the last
   in_plane = axes.transpose() * in_plane / extent;
   Eigen::MatrixX4d terms(n, 4);
   terms.col(0).setOnes();

@@ -1,19 +1,19 @@
 #include "sfm/scene/normalize.h"
 
-#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "io/base/error.h"
-#include "io/base/format.h"
 #include "io/base/median.h"
+#include "io/scene/decomposition.h"
 
 namespace sfm {
 namespace {
 
 using io::Error;
 using io::ExitCode;
-using io::Format;
 
 constexpr double kNear = 2, kFar = 6;
 constexpr double kDistance = 0.5 * (kNear + kFar);  // of the median camera from the focus when unbounded
@@ -60,9 +60,10 @@ Eigen::Vector3d MedianPoint(const std::vector<Eigen::Vector3d>& points) {
 
 void CheckFrames(const io::Scene& scene) {
   if (scene.frames.size() < kMinFrames) {
-    throw Error(ExitCode::kNotReconstructible,
-                "only " + std::to_string(scene.frames.size()) + " posed pictures, at least 3 are needed",
-                "Take more pictures from different places");
+    throw Error(
+        ExitCode::kNotReconstructible,
+        fmt::format("only {} posed pictures, at least {} are needed", scene.frames.size(), kMinFrames),
+        "Take more pictures from different places");
   }
   const Eigen::Vector3d first = Centre(scene.frames[0]);
   for (const io::Frame& frame : scene.frames) {
@@ -110,6 +111,7 @@ struct DepthRange {
   double n = 0, f = 0;
   double median = 0;  // median over the frames of their median depth
   bool IsKnown() const { return f > 0; }
+  bool IsBounded() const { return IsKnown() && f <= (kFar / kNear) * n; }
 };
 
 DepthRange RangeOf(const std::vector<std::vector<double>>& depths) {
@@ -141,9 +143,8 @@ std::optional<Eigen::Vector3d> NearestToAxes(const std::vector<io::Frame>& frame
     b += across * Centre(frames[i]);
     count += 1;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
-  if (!(eigen.eigenvalues()[0] > kMinAxisSpread * count)) return std::nullopt;
-  return a.ldlt().solve(b);
+  if (!(io::EigenDecomposition(a).values[0] > kMinAxisSpread * count)) return std::nullopt;
+  return io::SolveSymmetric(a, b);
 }
 
 std::optional<Eigen::Vector3d> FocusPoint(const std::vector<io::Frame>& frames) {
@@ -171,7 +172,7 @@ std::optional<Eigen::Matrix3d> UprightRotation(const std::vector<io::Frame>& fra
   for (const io::Frame& frame : frames) up += frame.world_from_cam.rotation.col(1);
   up /= static_cast<double>(frames.size());
   if (up.norm() < kMinMeanUp) return std::nullopt;
-  return Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return io::RotationBetween(up, Eigen::Vector3d::UnitZ());
 }
 
 io::Aabb CubeAround(const Eigen::Vector3d& centre, double half_side) {
@@ -189,6 +190,30 @@ io::Aabb PaddedBox(const std::vector<Eigen::Vector3d>& points) {
   // The longest side pads them all: a scene of one flat wall still gets a box with a volume.
   const double padding = kAabbPadding * (box.max - box.min).maxCoeff();
   return {box.min.array() - padding, box.max.array() + padding};
+}
+
+// Brings all depths between near and far where they fit, else the median camera to kDistance from the focus.
+double SceneScale(const io::Scene& scene,
+                  const DepthRange& range,
+                  const Eigen::Vector3d& focus,
+                  bool axes_meet) {
+  if (range.IsBounded()) return (kNear + kFar) / (range.n + range.f);
+  std::vector<double> distances;
+  for (const io::Frame& frame : scene.frames) distances.push_back((Centre(frame) - focus).norm());
+  return kDistance / (axes_meet ? io::Median(distances) : range.median);
+}
+
+std::string ScaleDecision(const DepthRange& range, double f_over_n) {
+  if (!range.IsKnown()) {
+    return "scale: no sparse points, so the median camera stands 4 from the centre; coverage unknown";
+  }
+  return range.IsBounded()
+             ? fmt::format("scale: depths have the ratio {:.2f} <= 3, so near 2 and far 6 hold them all",
+                           f_over_n)
+             : fmt::format(
+                   "scale: depths have the ratio {:.2f} > 3, so near 2 and far 6 hold the region of "
+                   "interest at the centre; the space outside is unbounded",
+                   f_over_n);
 }
 
 void ApplySimilarity(const io::Sim3d& scene_from_input, io::Scene* scene) {
@@ -242,24 +267,10 @@ NormalizeReport NormalizeScene(const io::Scene& scene) {
   decide(upright ? "up: the cameras' mean up is +z" : "up: kept, because the cameras disagree about it");
 
   report.f_over_n = range.n > 0 ? range.f / range.n : 0;
-  const bool is_bounded = range.IsKnown() && range.f <= (kFar / kNear) * range.n;
+  const bool is_bounded = range.IsBounded();
+  decide(ScaleDecision(range, report.f_over_n));
   io::Sim3d scene_from_input;
-  if (is_bounded) {
-    scene_from_input.scale = (kNear + kFar) / (range.n + range.f);
-    decide(
-        Format("scale: depths have the ratio %.2f <= 3, so near 2 and far 6 hold them all", report.f_over_n));
-  } else {
-    std::vector<double> distances;
-    for (const io::Frame& frame : scene.frames) distances.push_back((Centre(frame) - report.focus).norm());
-    scene_from_input.scale = kDistance / (focus ? io::Median(distances) : range.median);
-    decide(
-        range.IsKnown()
-            ? Format(
-                  "scale: depths have the ratio %.2f > 3, so near 2 and far 6 hold the region of interest at "
-                  "the centre; the space outside is unbounded",
-                  report.f_over_n)
-            : "scale: no sparse points, so the median camera stands 4 from the centre; coverage unknown");
-  }
+  scene_from_input.scale = SceneScale(scene, range, report.focus, focus.has_value());
   if (upright) scene_from_input.rotation = *upright;
   scene_from_input.translation = -scene_from_input.scale * (scene_from_input.rotation * report.focus);
 
@@ -274,9 +285,10 @@ NormalizeReport NormalizeScene(const io::Scene& scene) {
   report.depth_max = scene_from_input.scale * range.f;
   MeasureCoverage(depths, scene_from_input.scale, &report);
   if (report.coverage) {
-    decide(Format("coverage: %.2f %% of the observations lie between near and far, %.2f %% beyond near",
-                  100 * *report.coverage,
-                  100 * *report.coverage_near));
+    decide(
+        fmt::format("coverage: {:.2f} % of the observations lie between near and far, {:.2f} % beyond near",
+                    100 * *report.coverage,
+                    100 * *report.coverage_near));
   }
   return report;
 }

@@ -1,13 +1,14 @@
 #include "sfm/scene/pose_error.h"
-#include "io/base/median.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <numbers>
 #include <string>
+
+#include "io/base/median.h"
+#include "io/scene/decomposition.h"
 
 namespace sfm {
 namespace {
@@ -29,10 +30,7 @@ Eigen::Matrix3Xd AsColumns(const std::vector<Eigen::Vector3d>& points) {
 // The square roots of the eigenvalues of the scatter matrix, smallest first: thickness, width, length.
 Eigen::Vector3d Sizes(const Eigen::Matrix3Xd& centred) {
   const Eigen::Matrix3d scatter = centred * centred.transpose();
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter, Eigen::EigenvaluesOnly)
-      .eigenvalues()
-      .cwiseMax(0.0)
-      .cwiseSqrt();
+  return io::EigenDecomposition(scatter).values.cwiseMax(0.0).cwiseSqrt();
 }
 
 bool FixesARotation(const Eigen::Matrix3Xd& points) {

@@ -1,5 +1,7 @@
 #include "sfm/scene/undistort.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -94,7 +96,7 @@ std::vector<std::string> TargetNames(const io::Scene& scene) {
     const std::string extension = resampled ? ".png" : frame.image_path.extension().string();
     const std::string original = frame.image_path.stem().string();
     std::string stem = original;
-    for (int i = 2; !stems.insert(stem).second; ++i) stem = original + "_" + std::to_string(i);
+    for (int i = 2; !stems.insert(stem).second; ++i) stem = fmt::format("{}_{}", original, i);
     names.push_back(stem + extension);
   }
   return names;
@@ -104,9 +106,12 @@ void WriteFrame(const io::Camera& camera, const fs::path& source, const fs::path
   const io::Image image = io::ReadImage(source);
   if (image.width != camera.width || image.height != camera.height) {
     throw io::Error(io::ExitCode::kBadInput,
-                    source.string() + ": is " + std::to_string(image.width) + "x" +
-                        std::to_string(image.height) + " but its camera is " + std::to_string(camera.width) +
-                        "x" + std::to_string(camera.height),
+                    fmt::format("{}: is {}x{} but its camera is {}x{}",
+                                source.string(),
+                                image.width,
+                                image.height,
+                                camera.width,
+                                camera.height),
                     "Use the pictures that the poses were made from");
   }
   if (camera.HasDistortion()) {
@@ -130,10 +135,11 @@ io::Camera PinholeCamera(const io::Camera& camera) {
   const auto tangents = [&](double x, double y) {
     const auto ray = io::RayFromImg(camera, {x, y});
     if (!ray) {
-      throw io::Error(io::ExitCode::kBadInput,
-                      "the lens distortion (k1 " + std::to_string(camera.k1) + ", k2 " +
-                          std::to_string(camera.k2) + ") folds back inside the picture",
-                      "The camera parameters are wrong; reconstruct the poses again");
+      throw io::Error(
+          io::ExitCode::kBadInput,
+          fmt::format(
+              "the lens distortion (k1 {:f}, k2 {:f}) folds back inside the picture", camera.k1, camera.k2),
+          "The camera parameters are wrong; reconstruct the poses again");
     }
     return Eigen::Vector2d(ray->x() / -ray->z(), ray->y() / ray->z());  // y down
   };

@@ -110,12 +110,12 @@ HardCase Repeated(const std::string& id, const std::string& title, CaptureOption
   return {id, title, options, kModelOrRefusal, 1, 0.1, 0};
 }
 
-void AddGeometry(std::vector<HardCase>* table) {
+void AddShapes(std::vector<HardCase>* table) {
   table->insert(
       table->end(),
       {{"S01", "ring, 50 points, no noise", Ring(14, 50, 0), kModel, kCleanDeg, kCleanCentre},
        {"S02", "ring, 0.5 px", Ring(14, 100), kModel},
-       // A plane leaves two poses per pair and no focal length: refusing it is honest, one pose is luck.
+       // A plane leaves two poses per pair and no focal length: a refusal is right, and one pose is chance.
        {"S03.1", "plane, focal length known", OnPlane(0, 1), kModelOrRefusal, 0.2},
        {"S03.2", "plane, focal length unknown", OnPlane(0, 0), kModelOrRefusal, 0.2},
        {"S03.3",
@@ -130,8 +130,13 @@ void AddGeometry(std::vector<HardCase>* table) {
        {"S05.6",
         "two planes at a right angle",
         {.trajectory = Trajectory::kArc, .structure = Structure::kTwoPlanes, .noise_px = kNoisePx},
-        kModel},
-       {"S06.1", "rotation only, no noise", {.trajectory = Trajectory::kRotationOnly}, kRefusal},
+        kModel}});
+}
+
+void AddTrajectories(std::vector<HardCase>* table) {
+  table->insert(
+      table->end(),
+      {{"S06.1", "rotation only, no noise", {.trajectory = Trajectory::kRotationOnly}, kRefusal},
        {"S06.2",
         "rotation only, 0.5 px",
         {.trajectory = Trajectory::kRotationOnly, .noise_px = kNoisePx},
@@ -245,7 +250,7 @@ void AddCameras(std::vector<HardCase>* table) {
   table->insert(
       table->end(),
       {focal("S19", "tele lens, 5 degrees", With(Ring(14, 300), {Pinhole(11727)}), 0.05),
-       // 1e-3 rad and 1e-2: COLMAP's bar for wide and spherical cameras.
+       // 1e-3 rad and 1e-2: COLMAP's limit for wide and spherical cameras.
        {"S20", "wide lens, 110 degrees", With(Ring(14, 300), {Pinhole(358.5)}), kModel, 0.0573, 0.01},
        {"S21", "barrel distortion", With(Ring(24, 400), {BarrelCamera()}), kModel},
        // 5 px of the principal point, the best that is asked of its estimate, are 0.22 degrees.
@@ -277,7 +282,8 @@ void AddCameras(std::vector<HardCase>* table) {
 const std::vector<HardCase>& HardCases() {
   static const std::vector<HardCase> table = [] {
     std::vector<HardCase> all;
-    AddGeometry(&all);
+    AddShapes(&all);
+    AddTrajectories(&all);
     AddScenes(&all);
     AddCameras(&all);
     return all;

@@ -98,8 +98,10 @@ void Reconstruct(const SyntheticCapture& capture,
     result->doming = DomingOf(found.model, capture);
     result->points_behind = PointsBehindCameras(scene);
     result->camera_model = found.model.camera_model;
+  } catch (const NotReconstructible& error) {
+    result->refusal = error.refusal();
   } catch (const io::Error& error) {
-    (error.code() == io::ExitCode::kNotReconstructible ? result->refusal : result->failure) = error.what();
+    result->failure = error.what();
   }
 }
 
@@ -107,12 +109,12 @@ void Reconstruct(const SyntheticCapture& capture,
 
 bool Passes(const HardCase& limits, const HardCaseResult& result) {
   if (!result.failure.empty()) return false;
-  if (!result.refusal.empty()) return limits.expectation != Expectation::kModel;
+  if (result.refusal) return limits.expectation != Expectation::kModel;
   return limits.expectation != Expectation::kRefusal && IsGoodModel(limits, result);
 }
 
 bool IsFolded(const HardCaseResult& result) {
-  return result.refusal.empty() && result.failure.empty() && !(result.error.rotation_max_deg <= kFoldedDeg);
+  return !result.refusal && result.failure.empty() && !(result.error.rotation_max_deg <= kFoldedDeg);
 }
 
 HardCaseResult RunHardCase(const HardCase& hard_case,

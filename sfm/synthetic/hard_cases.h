@@ -4,9 +4,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "sfm/mapping/refusal.h"
 #include "sfm/scene/pose_error.h"
 #include "sfm/synthetic/capture_options.h"
 
@@ -36,9 +38,9 @@ struct HardCaseResult {
   double doming = 0;       // of the points, see sfm/scene/doming.h
   int points_behind = 0;   // points of the model behind a camera that observes them
   std::string camera_model;
-  std::string refusal;           // the named cause; empty: a model was accepted
-  std::string failure;           // any other error: a program that crashed, a damaged model
-  double wall_s = 0, cpu_s = 0;  // of this process and its children
+  std::optional<Refusal> refusal;  // none: a model was accepted
+  std::string failure;             // any other error: a program that crashed, a damaged model
+  double wall_s = 0, cpu_s = 0;    // of this process and its children
 };
 
 // More than this is no inaccuracy but a wrong model.

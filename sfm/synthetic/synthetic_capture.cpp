@@ -1,8 +1,9 @@
 #include "sfm/synthetic/synthetic_capture.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <numbers>
 
@@ -174,8 +175,7 @@ class Generator {
   }
 
   void AddPicture(const View& view, int camera_index) {
-    char name[32];
-    std::snprintf(name, sizeof name, "p%04zu.png", views_.size());
+    const std::string name = fmt::format("p{:04}.png", views_.size());
     capture_.pictures.push_back({.name = name,
                                  .width = view.camera.width,
                                  .height = view.camera.height,

@@ -1,6 +1,6 @@
-// Captures made of numbers instead of pictures, with their truth: what a perfect detector and a matcher of
-// chosen badness would hand to two-view verification and mapping. After COLMAP's SynthesizeDataset and
-// SynthesizeNoise (scene/synthetic.h), with the hard cases that it lacks.
+// Captures made of numbers instead of pictures, with their truth: what a perfect detector and a matcher with
+// a chosen share of mistakes would hand to two-view verification and mapping. After COLMAP's
+// SynthesizeDataset and SynthesizeNoise (scene/synthetic.h), with the hard cases that it lacks.
 #pragma once
 
 #include <vector>

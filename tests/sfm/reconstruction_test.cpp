@@ -17,6 +17,7 @@
 namespace {
 
 namespace fs = std::filesystem;
+using sfm::RefusalCause;
 
 TEST_F(SmallCapture, AWalkIsReconstructedToItsTruePoses) {
   REQUIRE_PROGRAM("colmap");
@@ -82,7 +83,8 @@ TEST_F(SmallCapture, AStrongerAttemptIsMadeAndItsReasonGiven) {
   const sfm::Reconstruction result = Run();
   ASSERT_EQ(result.unregistered.size(), 1u);
   EXPECT_EQ(result.unregistered[0].name, "stranger.png");
-  EXPECT_EQ(result.unregistered[0].cause.substr(0, 11), "no overlap:") << result.unregistered[0].cause;
+  EXPECT_EQ(result.unregistered[0].refusal.cause, RefusalCause::kNoOverlap)
+      << result.unregistered[0].refusal.Summary();
   EXPECT_EQ(Decided("trying again with a relaxed start"), 1);
   EXPECT_EQ(Decided("trying again with up to 8192 features"), 1);
   EXPECT_EQ(result.database.parent_path().filename(), "attempt1") << "none of the others was better";
@@ -116,14 +118,14 @@ TEST_F(SmallCapture, AnEarlierAttemptIsJudgedByItsOwnKeypoints) {
       0.1 * static_cast<double>(observations.size()));
 }
 
-void ExpectCause(const std::function<void()>& run, const std::string& cause) {
+// What the run is refused with.
+sfm::Refusal RefusalOf(const std::function<void()>& run) {
   try {
     run();
-    FAIL() << "accepted, expected: " << cause;
-  } catch (const io::Error& error) {
-    EXPECT_EQ(error.code(), io::ExitCode::kNotReconstructible) << error.what();
-    EXPECT_EQ(std::string(error.what()).substr(0, cause.size()), cause);
+  } catch (const sfm::NotReconstructible& error) {
+    return error.refusal();
   }
+  throw std::runtime_error("accepted, expected a refusal");
 }
 
 TEST_F(SmallCapture, ACameraThatOnlyTurnsHasNoBaseline) {
@@ -134,7 +136,7 @@ TEST_F(SmallCapture, ACameraThatOnlyTurnsHasNoBaseline) {
     const Eigen::Vector3d back(std::sin(angle), 0.3 * std::sin(3 * angle), std::cos(angle));
     Add(LookAt(eye, eye - back, {0, 1, 0}));
   }
-  ExpectCause([&] { Run(); }, "no baseline: ");
+  EXPECT_EQ(RefusalOf([&] { Run(); }).cause, RefusalCause::kRotationOnly);
   EXPECT_EQ(Decided("trying again"), 0) << "stronger settings do not move the camera";
 }
 
@@ -142,8 +144,9 @@ TEST_F(SmallCapture, AFragmentIsRefused) {
   REQUIRE_PROGRAM("colmap");
   AddWalk(4);
   for (const char* name : {"x.png", "y.png", "z.png"}) AddStranger(name);
-  ExpectCause([&] { Run({.features = 600, .retry_minutes = 0, .threads = 2}); },
-              "no overlap: only 4 of 7 pictures");
+  const sfm::Refusal refusal = RefusalOf([&] { Run({.features = 600, .retry_minutes = 0, .threads = 2}); });
+  EXPECT_EQ(refusal.cause, RefusalCause::kNoOverlap);
+  EXPECT_NE(refusal.figures.find("4 of 7 pictures"), std::string::npos) << refusal.figures;
   EXPECT_EQ(Decided("tried"), 0);
 }
 
@@ -166,7 +169,8 @@ TEST_F(SmallCapture, PairsAreChosenByNumberAndKind) {
     pictures_.clear();
     fs::remove_all(folder_ / "work");
     AddBlank(n, video);
-    ExpectCause([&] { Run({.features = 600, .matching = matching}); }, "no texture: ");
+    const sfm::Refusal refusal = RefusalOf([&] { Run({.features = 600, .matching = matching}); });
+    EXPECT_EQ(refusal.cause, RefusalCause::kNoTexture);
     return decisions_.back();
   };
   EXPECT_EQ(decide(30, false, "auto"), "matching all 435 pairs of 30 pictures");
@@ -210,7 +214,7 @@ TEST_F(GeneratedCapture, WhereSidesLookAlikeOnlyFollowingPicturesAreTrusted) {
   REQUIRE_PROGRAM("colmap");
   const sfm::CaptureOptions box{
       .structure = sfm::Structure::kIdenticalSides, .pictures = 16, .points = 400, .noise_px = 0.5};
-  ExpectCause([&] { Run(box); }, "no consistent model: ");
+  EXPECT_EQ(RefusalOf([&] { Run(box); }).cause, RefusalCause::kContradictedPoses);
   EXPECT_EQ(Decided("trying again with following pictures only"), 1);
   std::map<std::string, int> position;
   for (const sfm::Picture& picture : pictures_) position.emplace(picture.name, position.size());
@@ -224,12 +228,14 @@ TEST_F(GeneratedCapture, WhereSidesLookAlikeOnlyFollowingPicturesAreTrusted) {
 TEST_F(SmallCapture, BlankPicturesHaveNoTexture) {
   REQUIRE_PROGRAM("colmap");
   AddBlank(3);
-  ExpectCause([&] { Run(); }, "no texture: ");
+  EXPECT_EQ(RefusalOf([&] { Run(); }).cause, RefusalCause::kNoTexture);
 }
 
 TEST_F(SmallCapture, TwoPicturesAreTooFew) {
   pictures_ = {{.name = "a.png"}, {.name = "b.png"}};
-  ExpectCause([&] { Run(); }, "too few pictures: 2");
+  const sfm::Refusal refusal = RefusalOf([&] { Run(); });
+  EXPECT_EQ(refusal.cause, RefusalCause::kTooFewPictures);
+  EXPECT_EQ(refusal.figures, "2");
 }
 
 TEST_F(SmallCapture, UnknownOptionsAreUsageErrors) {

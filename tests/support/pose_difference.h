@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "io/scene/decomposition.h"
 #include "io/scene/scene.h"
 
 struct PoseDifference {
@@ -27,14 +28,13 @@ inline PoseDifference Compare(const io::Scene& a, const io::Scene& b) {
   const Eigen::Vector3d mean = to.rowwise().mean();
   to.colwise() -= mean;
   from.colwise() -= from.rowwise().mean().eval();
-  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to);
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Matrix3d b_from_a = svd.matrixU() * svd.matrixV().transpose();
+  const Eigen::Matrix3d covariance = to * from.transpose();
+  const Eigen::Matrix3d turn = io::NearestRotation(covariance), b_from_a = io::NearestRotation(sum);
+  const double scale = turn.cwiseProduct(covariance).sum() / from.squaredNorm();
   const double extent = to.colwise().norm().maxCoeff();
   PoseDifference worst;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Vector3d moved =
-        similarity.topLeftCorner<3, 3>() * from.col(i) + similarity.topRightCorner<3, 1>();
+    const Eigen::Vector3d moved = scale * (turn * from.col(i));
     worst.centre = std::max(worst.centre, (moved - to.col(i)).norm() / extent);
     const Eigen::Matrix3d r = a.frames[static_cast<std::size_t>(i)].world_from_cam.rotation.transpose() *
                               b_from_a.transpose() *

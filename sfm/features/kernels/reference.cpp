@@ -1,4 +1,4 @@
-// What the kernels compute, said once in plain loops.
+// What the kernels compute, in plain loops.
 #include "sfm/features/kernels/kernels.h"
 
 namespace sfm::kernels {

@@ -43,15 +43,15 @@ TEST_F(Json, SyntaxErrorsCarryTheirPlace) {
   for (const char* number : {"NaN", "Infinity", "-Infinity", "0x10", "01"})
     EXPECT_NE(Refusal(std::string("[") + number + "]").find("line 1"), std::string::npos) << number;
   EXPECT_NE(Refusal("[1e400]").find("byte 6"), std::string::npos) << Refusal("[1e400]");
-  EXPECT_NE(Refusal(R"({"a": 1, "a": 1})").find("\"a\" occurs twice"), std::string::npos);
+  EXPECT_NE(Refusal(R"({"a": 1, "a": 1})").find("\"a\""), std::string::npos);
   EXPECT_EQ(Refusal(R"([{"a": 1}, {"a": 1}])"), "");
 }
 
 TEST_F(Json, NestingIsLimited) {
   const auto nested = [&](std::size_t n) { return Refusal(std::string(n, '[') + std::string(n, ']')); };
   EXPECT_EQ(nested(64), "");
-  EXPECT_NE(nested(65).find("nested"), std::string::npos);
-  EXPECT_NE(nested(1'000'000).find("nested"), std::string::npos);
+  EXPECT_NE(nested(65).find("64 levels"), std::string::npos);
+  EXPECT_NE(nested(1'000'000).find("64 levels"), std::string::npos);
 }
 
 TEST_F(Json, GettersNeverConvert) {

@@ -4,19 +4,41 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <ctime>
 #include <thread>
 #include <vector>
 
 #include "io/base/process.h"
+#include "io/base/stopwatch.h"
 
 namespace {
 
+constexpr double kTick = 0.004;  // the kernel counts CPU time in ticks of at most 4 ms
+
+// Processor time of this process.
+double ClockSeconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+// Whatever else the machine does: the figures lie between those of clocks started before and after the meter.
 TEST(ResourceMeter, SleepingTakesWallTimeOnly) {
+  const io::Stopwatch around;
+  const double cpu_start_s = ClockSeconds();
   const io::ResourceMeter meter;
+  const io::Stopwatch within;
   std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  const double slept_s = within.seconds();
   const io::ResourceUse use = meter.Use();
-  EXPECT_GE(use.wall_s, 0.12);
-  EXPECT_LT(use.cpu_s, 0.06);
+  EXPECT_GE(use.wall_s, slept_s);
+  EXPECT_LE(use.wall_s, around.seconds());
+  EXPECT_LE(use.cpu_s, ClockSeconds() - cpu_start_s + kTick);
+  EXPECT_LT(use.cpu_s, use.wall_s);
+}
+
+TEST(ResourceMeter, WorkTakesCpuTime) {
+  const io::ResourceMeter meter;
+  const double start_s = ClockSeconds();
+  while (ClockSeconds() - start_s < 5 * kTick) {
+  }
+  EXPECT_GE(meter.Use().cpu_s, 4 * kTick);
 }
 
 TEST(ResourceMeter, CountsChildrenThatEnded) {
@@ -28,7 +50,7 @@ TEST(ResourceMeter, CountsChildrenThatEnded) {
   ASSERT_TRUE(report.Ok());
   const io::ResourceUse use = meter.Use();
   EXPECT_GT(report.cpu_s, 0.005);
-  EXPECT_GE(use.cpu_s, report.cpu_s - 0.004);  // the kernel counts ticks of at most 4 ms
+  EXPECT_GE(use.cpu_s, report.cpu_s - kTick);
   EXPECT_GE(use.wall_s, report.wall_s);
 }
 

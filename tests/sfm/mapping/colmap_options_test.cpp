@@ -77,11 +77,9 @@ TEST(ColmapOptions, AMissingOptionIsNamedAndALongerOneIsNotTakenForIt) {
     FAIL();
   } catch (const io::Error& error) {
     EXPECT_EQ(error.code(), io::ExitCode::kMissingTool);
-    EXPECT_NE(std::string(error.what())
-                  .find("matches_importer has no option --FeatureMatching.use_gpu or "
-                        "--SiftMatching.use_gpu"),
-              std::string::npos)
-        << error.what();
+    for (const char* name : {"matches_importer", "--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}) {
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+    }
   }
 }
 

@@ -6,6 +6,7 @@
 namespace {
 
 using sfm::PairGeometry;
+using sfm::RefusalCause;
 
 sfm::CaptureEvidence Evidence(int n, int features, double scale_px, int inliers, PairGeometry geometry) {
   sfm::CaptureEvidence evidence;
@@ -36,25 +37,23 @@ io::ColmapModel Arc(int n, double span_deg) {
   return model;
 }
 
-void ExpectCause(const std::string& cause, const std::string& name) {
-  EXPECT_EQ(cause.substr(0, name.size() + 1), name + ":") << cause;
-}
-
 TEST(Diagnosis, CausesOfFailure) {
-  ExpectCause(sfm::FailureCause(Evidence(2, 2000, 2, 300, PairGeometry::kGeneral), 0), "too few pictures");
-  ExpectCause(sfm::FailureCause(Evidence(20, 40, 2, 0, PairGeometry::kGeneral), 0), "no texture");
-  ExpectCause(sfm::FailureCause(Evidence(20, 0, 0, 0, PairGeometry::kGeneral), 0), "no texture");
-  ExpectCause(sfm::FailureCause(Evidence(20, 40, 7, 0, PairGeometry::kGeneral), 0), "blur");
-  ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 300, PairGeometry::kPlanarOrRotation), 0),
-              "no baseline");
-  ExpectCause(sfm::FailureCause(Evidence(20, 2000, 2, 16, PairGeometry::kGeneral), 3), "no overlap");
+  const auto cause = [](const sfm::CaptureEvidence& evidence, int registered = 0) {
+    return sfm::ExplainFailure(evidence, registered).cause;
+  };
+  EXPECT_EQ(cause(Evidence(2, 2000, 2, 300, PairGeometry::kGeneral)), RefusalCause::kTooFewPictures);
+  EXPECT_EQ(cause(Evidence(20, 40, 2, 0, PairGeometry::kGeneral)), RefusalCause::kNoTexture);
+  EXPECT_EQ(cause(Evidence(20, 0, 0, 0, PairGeometry::kGeneral)), RefusalCause::kNoTexture);
+  EXPECT_EQ(cause(Evidence(20, 40, 7, 0, PairGeometry::kGeneral)), RefusalCause::kBlur);
+  EXPECT_EQ(cause(Evidence(20, 2000, 2, 300, PairGeometry::kPlanarOrRotation)), RefusalCause::kRotationOnly);
+  EXPECT_EQ(cause(Evidence(20, 2000, 2, 16, PairGeometry::kGeneral), 3), RefusalCause::kNoOverlap);
   // All linked, as in a walk straight ahead: more overlap would not help.
   sfm::CaptureEvidence linked = Evidence(20, 2000, 2, 300, PairGeometry::kGeneral);
-  ExpectCause(sfm::FailureCause(linked, 3), "no consistent model");
+  EXPECT_EQ(cause(linked, 3), RefusalCause::kMisfit);
   linked.pairs[9].inliers = 16;  // two halves
-  const std::string halves = sfm::FailureCause(linked, 10);
-  ExpectCause(halves, "no overlap");
-  EXPECT_NE(halves.find("matches has 10"), std::string::npos) << halves;
+  const sfm::Refusal halves = sfm::ExplainFailure(linked, 10);
+  EXPECT_EQ(halves.cause, RefusalCause::kNoOverlap);
+  EXPECT_NE(halves.figures.find("matches has 10"), std::string::npos) << halves.figures;
 }
 
 TEST(Diagnosis, TriangulationAngleOfAnArcIsItsSpan) {
@@ -64,8 +63,7 @@ TEST(Diagnosis, TriangulationAngleOfAnArcIsItsSpan) {
 }
 
 TEST(Diagnosis, AGoodModelIsAccepted) {
-  EXPECT_FALSE(
-      sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kGeneral)).has_value());
+  EXPECT_FALSE(sfm::JudgeModel(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kGeneral)).has_value());
 }
 
 TEST(Diagnosis, PointsOnALineAreNoModel) {
@@ -76,25 +74,25 @@ TEST(Diagnosis, PointsOnALineAreNoModel) {
         Eigen::Vector3d(0.1, 0.2, 0.3) * static_cast<double>(i) + 1e-3 * Eigen::Vector3d(i % 2, i % 3, 0);
   }
   EXPECT_LT(sfm::LineRatio(model.scene), 0.01);
-  const auto cause = sfm::RefusalCause(model, Evidence(12, 2000, 2, 200, PairGeometry::kGeneral));
-  ASSERT_TRUE(cause);
-  ExpectCause(*cause, "no consistent model");
+  const auto refusal = sfm::JudgeModel(model, Evidence(12, 2000, 2, 200, PairGeometry::kGeneral));
+  EXPECT_EQ(refusal.value().cause, RefusalCause::kPointsOnOneLine);
 }
 
 TEST(Diagnosis, ModelsThatMustBeRefused) {
+  const auto cause = [](const io::ColmapModel& model, const sfm::CaptureEvidence& evidence) {
+    return sfm::JudgeModel(model, evidence).value().cause;
+  };
   const auto good = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
-  ExpectCause(sfm::RefusalCause(Arc(10, 1.0), good).value(), "no baseline");
-  ExpectCause(
-      sfm::RefusalCause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kPlanarOrRotation)).value(),
-      "no baseline");
-  const auto weak = Evidence(10, 2000, 2, 16, PairGeometry::kGeneral);
-  ExpectCause(sfm::RefusalCause(Arc(2, 60), weak).value(), "no overlap");
-  ExpectCause(sfm::RefusalCause(Arc(2, 60), good).value(), "no consistent model");
+  EXPECT_EQ(cause(Arc(10, 1.0), good), RefusalCause::kNarrowRays);
+  EXPECT_EQ(cause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kPlanarOrRotation)),
+            RefusalCause::kRotationOnly);
+  EXPECT_EQ(cause(Arc(2, 60), Evidence(10, 2000, 2, 16, PairGeometry::kGeneral)), RefusalCause::kNoOverlap);
+  EXPECT_EQ(cause(Arc(2, 60), good), RefusalCause::kMisfit);
   io::ColmapModel inaccurate = Arc(10, 60);
   inaccurate.mean_reprojection_error_px = 5;
-  ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+  EXPECT_EQ(cause(inaccurate, good), RefusalCause::kLargeError);
   inaccurate.mean_reprojection_error_px = std::nan("");
-  ExpectCause(sfm::RefusalCause(inaccurate, good).value(), "no consistent model");
+  EXPECT_EQ(cause(inaccurate, good), RefusalCause::kLargeError);
 }
 
 TEST(Diagnosis, HomographiesBetweenClosePicturesAreNormal) {
@@ -103,7 +101,7 @@ TEST(Diagnosis, HomographiesBetweenClosePicturesAreNormal) {
   evidence.pairs.push_back({"0", "10", 200, PairGeometry::kGeneral});
   EXPECT_GT(sfm::HomographyShare(evidence.pairs), 0.9);
   EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 0);
-  EXPECT_FALSE(sfm::RefusalCause(Arc(21, 60), evidence).has_value());
+  EXPECT_FALSE(sfm::JudgeModel(Arc(21, 60), evidence).has_value());
   evidence.pairs.back().geometry = PairGeometry::kPlanarOrRotation;
   EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 1);
 }
@@ -118,10 +116,12 @@ TEST(Diagnosis, PairsWithLittleSupportSayNothingAboutRotation) {
 TEST(Diagnosis, CausesOfOneMissingPicture) {
   sfm::CaptureEvidence evidence{.features = {{"a", 50, 2}, {"b", 50, 8}, {"c", 2000, 2}, {"d", 2000, 2}},
                                 .pairs = {{"c", "a", 17}, {"d", "a", 120}}};
-  ExpectCause(sfm::UnregisteredCause("a", evidence), "no texture");
-  ExpectCause(sfm::UnregisteredCause("b", evidence), "blur");
-  EXPECT_EQ(sfm::UnregisteredCause("c", evidence), "no overlap: its best pair shares 17 matches");
-  ExpectCause(sfm::UnregisteredCause("d", evidence), "no consistent model");
+  EXPECT_EQ(sfm::ExplainMissingPicture("a", evidence).cause, RefusalCause::kNoTexture);
+  EXPECT_EQ(sfm::ExplainMissingPicture("b", evidence).cause, RefusalCause::kBlur);
+  const sfm::Refusal alone = sfm::ExplainMissingPicture("c", evidence);
+  EXPECT_EQ(alone.cause, RefusalCause::kNoOverlap);
+  EXPECT_NE(alone.figures.find("17 matches"), std::string::npos) << alone.figures;
+  EXPECT_EQ(sfm::ExplainMissingPicture("d", evidence).cause, RefusalCause::kMisfit);
 }
 
 }  // namespace

@@ -188,8 +188,10 @@ TEST_F(Undistort, MasksOfPinholePicturesStayAndWrongOnesAreNamed) {
     sfm::UndistortScene(scene, folder_ / "out", 1);
     FAIL();
   } catch (const io::Error& error) {
-    EXPECT_NE(std::string(error.what()).find("small.png: the mask is 2x1"), std::string::npos)
-        << error.what();
+    EXPECT_EQ(error.code(), io::ExitCode::kBadInput);
+    for (const char* name : {"small.png", "2x1"}) {
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+    }
   }
 }
 
@@ -206,12 +208,13 @@ TEST_F(Undistort, FaultsAreNamed) {
     }
     return "";
   };
-  EXPECT_NE(message(camera, "small.png").find("small.png: is 10x10 but its camera is 160x120"),
-            std::string::npos);
+  for (const char* part : {"small.png", "10x10", "160x120"}) {
+    EXPECT_NE(message(camera, "small.png").find(part), std::string::npos) << part;
+  }
   EXPECT_NE(message(camera, "absent.png").find("absent.png"), std::string::npos);
   io::Camera folding = camera;
   folding.k1 = -1.5;
-  EXPECT_NE(message(folding, "small.png").find("folds back"), std::string::npos);
+  EXPECT_NE(message(folding, "small.png").find("k1 -1.5"), std::string::npos);
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ HardCaseResult RunCell(const HardCase& c, std::uint64_t seed = 1) {
               result.error.rotation_max_deg,
               result.error.centre_rmse,
               result.wall_s,
-              result.refusal.c_str(),
+              result.refusal ? result.refusal->Message().c_str() : "",
               result.failure.c_str());
   EXPECT_FALSE(std::filesystem::exists(dir / "work"));
   return result;
@@ -115,10 +115,10 @@ TEST(HardCases, EveryLimitCanFail) {
   EXPECT_FALSE(passes([](R r) { r.doming = 1.1e-3; }));
   EXPECT_FALSE(passes([&](R r) { r.doming = nan; }));
   EXPECT_FALSE(passes([](R r) { r.camera_model = "OPENCV"; }));
-  EXPECT_FALSE(passes([](R r) { r.refusal = "no baseline"; }));
+  EXPECT_FALSE(passes([](R r) { r.refusal = {sfm::RefusalCause::kRotationOnly, ""}; }));
   EXPECT_FALSE(passes([](R r) { r.failure = "crashed"; }));
 
-  HardCaseResult refused{.pictures = 20, .refusal = "no baseline"};
+  HardCaseResult refused{.pictures = 20, .refusal = sfm::Refusal{sfm::RefusalCause::kRotationOnly, ""}};
   int expectations = 0;
   for (const Expectation expectation :
        {Expectation::kModel, Expectation::kRefusal, Expectation::kModelOrRefusal}) {
