@@ -3,12 +3,12 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "pipeline/ingest/picture_selection.h"
 #include "pipeline/ingest/picture_source.h"
+#include "pipeline/stage/frames.h"
 
 namespace pipeline {
 
@@ -24,21 +24,8 @@ struct IngestOptions {
   SelectionOptions selection;
 };
 
-struct KeptPicture {
-  std::string name;    // file name in images/
-  std::string source;  // printable name of the user's file, or "frame 17"
-  int width = 0, height = 0;
-  double sharpness = 0;              // io::Sharpness
-  std::optional<double> focal_px;    // from EXIF, for width x height
-  std::optional<double> used_share;  // of its pixels, by its mask; nothing without a mask
-  int camera_group = 0;              // pictures with equal numbers come from one camera and setting
-  std::optional<double> time_s;      // in the video
-  std::vector<std::string> notes;
-};
-
 struct IngestReport {
-  std::vector<KeptPicture> kept;
-  std::vector<DroppedPicture> dropped;
+  Frames frames;
   std::vector<std::string> decisions;  // lines for the user
 };
 

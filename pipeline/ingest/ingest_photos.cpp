@@ -3,6 +3,7 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <tuple>
 
 #include "io/base/error.h"
@@ -33,6 +34,7 @@ struct PhotoResult {
   bool is_bad = false;  // dropped because it cannot be decoded
   KeptPicture picture;
   PictureLook look;
+  std::optional<double> used_share;  // of its pixels, by its mask; nothing without a mask
   std::string make, model;
 };
 
@@ -59,7 +61,8 @@ void IngestPhoto(const fs::path& file,
       result->reason = "its mask uses no pixel: white, grey level 128 or more, is used";
       return;
     }
-    result->picture.used_share = static_cast<double>(n_used) / static_cast<double>(mask.used.size());
+    result->used_share = static_cast<double>(n_used) / static_cast<double>(mask.used.size());
+    result->picture.has_mask = true;
     io::WriteMask(folder / "masks" / result->picture.name, mask);
   }
   result->look = {io::Sharpness(photo.image), io::MakeThumbnail(photo.image)};
@@ -85,28 +88,24 @@ void FindCopies(const std::vector<fs::path>& files, std::vector<PhotoResult>* re
 }
 
 // Throws when more files are damaged than whole: then the folder as a whole is not what the user thinks.
-void RefuseMostlyBad(const IngestReport& report, std::size_t n_whole, const std::string& folder) {
-  const auto is_bad = [](const DroppedPicture& picture) { return picture.is_bad; };
-  const auto n_bad =
-      static_cast<std::size_t>(std::count_if(report.dropped.begin(), report.dropped.end(), is_bad));
-  if (n_bad <= n_whole) return;
-  const DroppedPicture& first = *std::find_if(report.dropped.begin(), report.dropped.end(), is_bad);
+void RefuseMostlyBad(const std::vector<DroppedPicture>& bad, std::size_t n_whole, const std::string& folder) {
+  if (bad.size() <= n_whole) return;
   throw Error(ExitCode::kBadInput,
-              folder + ": " + std::to_string(n_bad) + " of " + std::to_string(n_bad + n_whole) +
-                  " pictures cannot be used, the first being " + first.source + ": " + first.reason,
+              folder + ": " + std::to_string(bad.size()) + " of " + std::to_string(bad.size() + n_whole) +
+                  " pictures cannot be used, the first being " + bad[0].source + ": " + bad[0].reason,
               "Copy them again from the camera");
 }
 
-void RefuseTooFew(const IngestReport& report, const std::string& folder) {
-  if (report.kept.size() >= kMinPictures) return;
+void RefuseTooFew(const Frames& frames, const std::string& folder) {
+  if (frames.kept.size() >= kMinPictures) return;
   std::string why;
-  if (!report.dropped.empty()) {
-    why = " (" + std::to_string(report.dropped.size()) + " dropped, the first being " +
-          report.dropped[0].source + ": " + report.dropped[0].reason + ")";
+  if (!frames.dropped.empty()) {
+    why = " (" + std::to_string(frames.dropped.size()) + " dropped, the first being " +
+          frames.dropped[0].source + ": " + frames.dropped[0].reason + ")";
   }
   throw Error(ExitCode::kNotReconstructible,
-              folder + ": " + std::to_string(report.kept.size()) + " usable picture" +
-                  (report.kept.size() == 1 ? "" : "s") + why + "; a scene needs at least 3",
+              folder + ": " + std::to_string(frames.kept.size()) + " usable picture" +
+                  (frames.kept.size() == 1 ? "" : "s") + why + "; a scene needs at least 3",
               "Take 20 or more from positions around the object, each overlapping the last by half");
 }
 
@@ -143,9 +142,9 @@ void Select(std::vector<PhotoResult>* results,
   for (PhotoResult& result : *results) {
     if (result.reason.empty()) {
       result.picture.camera_group = CameraGroup(result, &groups);
-      report->kept.push_back(std::move(result.picture));
+      report->frames.kept.push_back(std::move(result.picture));
     } else if (!result.is_bad) {
-      report->dropped.push_back({result.picture.source, result.reason});
+      report->frames.dropped.push_back({result.picture.source, result.reason});
     }
   }
   if (groups.size() > 1) {
@@ -181,36 +180,38 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
   return results;
 }
 
-void DescribeMasks(IngestReport* report) {
+void DescribeMasks(const std::vector<PhotoResult>& results, IngestReport* report) {
   std::size_t n_masks = 0;
   double shares = 0;
-  for (const KeptPicture& picture : report->kept) {
-    n_masks += picture.used_share.has_value();
-    shares += picture.used_share.value_or(0);
+  for (const PhotoResult& result : results) {
+    if (!result.reason.empty()) continue;
+    n_masks += result.used_share.has_value();
+    shares += result.used_share.value_or(0);
   }
   const long percent = n_masks > 0 ? std::lround(100 * shares / static_cast<double>(n_masks)) : 0;
-  const bool is_complete = n_masks == report->kept.size();
+  const bool is_complete = n_masks == report->frames.kept.size();
   report->decisions.push_back("masks for " + std::to_string(n_masks) + " of " +
-                              std::to_string(report->kept.size()) + " pictures, which use " +
+                              std::to_string(report->frames.kept.size()) + " pictures, which use " +
                               std::to_string(percent) + " % of their pixels" +
                               (is_complete ? "" : "; the other pictures are used whole"));
 }
 
 void DescribeResult(IngestReport* report) {
   std::map<std::string, int> notes;
-  for (const KeptPicture& picture : report->kept) {
+  for (const KeptPicture& picture : report->frames.kept) {
     for (const std::string& note : picture.notes) ++notes[note];
   }
-  const std::size_t n_kept = report->kept.size();
+  const std::size_t n_kept = report->frames.kept.size();
+  const std::vector<DroppedPicture>& dropped = report->frames.dropped;
   for (const auto& [note, n] : notes) {
     report->decisions.push_back(note + " (" + std::to_string(n) + " of " + std::to_string(n_kept) +
                                 " pictures)");
   }
-  for (std::size_t i = 0; i < std::min(kMaxListed, report->dropped.size()); ++i) {
-    report->decisions.push_back("dropped " + report->dropped[i].source + ": " + report->dropped[i].reason);
+  for (std::size_t i = 0; i < std::min(kMaxListed, dropped.size()); ++i) {
+    report->decisions.push_back("dropped " + dropped[i].source + ": " + dropped[i].reason);
   }
-  if (report->dropped.size() > kMaxListed) {
-    report->decisions.push_back("dropped " + std::to_string(report->dropped.size() - kMaxListed) +
+  if (dropped.size() > kMaxListed) {
+    report->decisions.push_back("dropped " + std::to_string(dropped.size() - kMaxListed) +
                                 " more: see frames.json");
   }
   if (n_kept < kAdvisedPictures) {
@@ -227,16 +228,22 @@ IngestReport IngestPhotos(const PictureSource& source, const IngestOptions& opti
   std::vector<PhotoResult> results = DecodeAll(files, options, folder);
 
   IngestReport report;
-  report.dropped = source.dropped;
+  std::vector<DroppedPicture> bad;
   std::size_t n_whole = 0;
+  for (const auto& [picture, is_bad] : source.refused) {
+    report.frames.dropped.push_back(picture);
+    if (is_bad) bad.push_back(picture);
+  }
   for (const PhotoResult& result : results) {
     n_whole += !result.is_bad;
-    if (result.is_bad) report.dropped.push_back({result.picture.source, result.reason, true});
+    if (!result.is_bad) continue;
+    bad.push_back({result.picture.source, result.reason});
+    report.frames.dropped.push_back(bad.back());
   }
-  RefuseMostlyBad(report, n_whole, name);
+  RefuseMostlyBad(bad, n_whole, name);
   Select(&results, options.selection, folder, &report);
-  RefuseTooFew(report, name);
-  if (!options.masks.empty()) DescribeMasks(&report);
+  RefuseTooFew(report.frames, name);
+  if (!options.masks.empty()) DescribeMasks(results, &report);
   DescribeResult(&report);
   return report;
 }

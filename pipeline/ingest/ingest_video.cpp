@@ -76,12 +76,12 @@ void RefuseUnusable(const VideoMeasure& measure, const IngestOptions& options, c
 }
 
 // Decodes again and writes the frames whose verdict is "kept".
-void WriteFrames(const fs::path& video,
-                 const IngestOptions& options,
-                 const std::vector<FrameVerdict>& verdicts,
-                 const VideoMeasure& measure,
-                 const fs::path& folder,
-                 IngestReport* report) {
+void WriteKeptFrames(const fs::path& video,
+                     const IngestOptions& options,
+                     const std::vector<FrameVerdict>& verdicts,
+                     const VideoMeasure& measure,
+                     const fs::path& folder,
+                     Frames* frames) {
   io::VideoReader reader(video);
   io::VideoFrame frame;
   io::Progress progress("writing frames");
@@ -98,7 +98,7 @@ void WriteFrames(const fs::path& video,
                   "Run again when the file no longer changes");
     }
     const std::string source = "frame " + std::to_string(index);
-    if (index >= options.first_frame && !kept) report->dropped.push_back({source, verdicts[i].reason});
+    if (index >= options.first_frame && !kept) frames->dropped.push_back({source, verdicts[i].reason});
     if (!kept) continue;
     char name[32];
     std::snprintf(name, sizeof name, "frame_%06d.png", index);
@@ -110,7 +110,7 @@ void WriteFrames(const fs::path& video,
     picture.height = frame.image.height;
     picture.sharpness = measure.sharpness[i];
     picture.time_s = measure.time_s[i];
-    report->kept.push_back(picture);
+    frames->kept.push_back(picture);
   }
 }
 
@@ -139,23 +139,24 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
   RefuseUnusable(measure, options, name);
   const std::vector<FrameVerdict> verdicts =
       JudgeFrames(measure.path, measure.sharpness, options.first_frame, options.selection);
-  WriteFrames(video, options, verdicts, measure, folder, &report);
-  const auto n_kept = static_cast<double>(report.kept.size());
+  WriteKeptFrames(video, options, verdicts, measure, folder, &report.frames);
+  const auto n_kept = static_cast<double>(report.frames.kept.size());
   report.decisions.push_back(Line(
       "%.0f of %.0f frames kept: the picture moved by %.1f of its widths, and the sharpest frame of each "
       "equal step stays",
       n_kept,
       static_cast<double>(verdicts.size()),
       measure.path.back()));
-  for (const DroppedPicture& picture : report.dropped) {
+  for (const DroppedPicture& picture : report.frames.dropped) {
     if (picture.reason.rfind("blurred", 0) == 0) {
       report.decisions.push_back("dropped " + picture.source + ": " + picture.reason);
     }
   }
-  if (report.kept.size() < kMinFrames) {
-    throw Error(ExitCode::kNotReconstructible,
-                name + ": almost no motion, " + std::to_string(report.kept.size()) + " different views in it",
-                "Walk around the object while filming");
+  if (report.frames.kept.size() < kMinFrames) {
+    throw Error(
+        ExitCode::kNotReconstructible,
+        name + ": almost no motion, " + std::to_string(report.frames.kept.size()) + " different views in it",
+        "Walk around the object while filming");
   }
   return report;
 }

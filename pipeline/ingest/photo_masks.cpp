@@ -20,8 +20,8 @@ std::map<std::string, fs::path> ListMasks(const fs::path& folder) {
   const std::string name = PrintableName(folder.string());
   const PictureSource source = FindPictures(folder);
   if (source.is_video) throw Error(ExitCode::kBadInput, name + ": holds a video, not masks");
-  for (const DroppedPicture& picture : source.dropped) {
-    if (picture.is_bad)
+  for (const auto& [picture, is_bad] : source.refused) {
+    if (is_bad)
       throw Error(ExitCode::kBadInput, name + "/" + picture.source + ": " + picture.reason, "Make it anew");
   }
   std::map<std::string, fs::path> masks;

@@ -165,7 +165,7 @@ PictureSource Classify(std::vector<fs::path> paths, const fs::path& input) {
                    ? "its content is not a picture"
                    : std::string(io::MediaTypeName(type)) + ": convert it to PNG or JPEG";
     }
-    source.dropped.push_back({PrintableName(path.filename().string()), reason, is_bad});
+    source.refused.push_back({{PrintableName(path.filename().string()), reason}, is_bad});
   }
   if (source.files.empty() && videos.size() == 1) {
     source.is_video = true;
@@ -179,8 +179,8 @@ PictureSource Classify(std::vector<fs::path> paths, const fs::path& input) {
         "Give one of the videos by name");
   }
   for (const fs::path& video : videos) {
-    source.dropped.push_back(
-        {PrintableName(video.filename().string()), "a video among photos. Give it by itself"});
+    source.refused.push_back(
+        {{PrintableName(video.filename().string()), "a video among photos. Give it by itself"}, false});
   }
   return source;
 }
@@ -199,7 +199,7 @@ PictureSource FindPictures(const fs::path& input) {
                                              : std::string(io::MediaTypeName(type)) + " is not read";
     }
     if (!obstacle.empty()) throw Error(ExitCode::kBadInput, name + ": " + obstacle, WhatIsAccepted());
-    return {.is_video = io::IsVideo(type), .files = {input}, .dropped = {}};
+    return {.is_video = io::IsVideo(type), .files = {input}, .refused = {}};
   }
   const bool is_folder = fs::is_directory(status);
   const bool is_pattern = !is_folder && input.string().find_first_of("*?[") != std::string::npos;
@@ -211,11 +211,12 @@ PictureSource FindPictures(const fs::path& input) {
   }
   PictureSource source = Classify(is_folder ? ListFolder(input) : ListPattern(input), input);
   if (source.files.empty()) {
-    std::string found = source.dropped.empty() ? "nothing in it" : "no usable picture in it";
-    for (std::size_t i = 0; i < std::min<std::size_t>(3, source.dropped.size()); ++i) {
-      found += (i == 0 ? " (" : "; ") + source.dropped[i].source + ": " + source.dropped[i].reason;
+    std::string found = source.refused.empty() ? "nothing in it" : "no usable picture in it";
+    for (std::size_t i = 0; i < std::min<std::size_t>(3, source.refused.size()); ++i) {
+      const DroppedPicture& picture = source.refused[i].picture;
+      found += (i == 0 ? " (" : "; ") + picture.source + ": " + picture.reason;
     }
-    if (!source.dropped.empty()) found += source.dropped.size() > 3 ? "; ...)" : ")";
+    if (!source.refused.empty()) found += source.refused.size() > 3 ? "; ...)" : ")";
     throw Error(ExitCode::kBadInput, name + ": " + found, WhatIsAccepted());
   }
   return source;

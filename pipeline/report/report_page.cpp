@@ -52,9 +52,9 @@ std::string Headlines(const ReportData& data) {
   }
   if (data.has_sfm) html += Card(Format("%d of %d", data.registered, data.images), "pictures registered");
   if (data.has_scores) {
-    html += Card(Format("%.2f dB", data.psnr_db), "PSNR on unseen views, " + data.protocol);
-    html += Card(Format("%.3f", data.ssim), "SSIM, 1 is perfect");
-    html += Card(Format("%.3f", data.flip), "FLIP, 0 is perfect");
+    html += Card(Format("%.2f dB", data.scores.psnr_db), "PSNR on unseen views, " + data.scores.protocol);
+    html += Card(Format("%.3f", data.scores.ssim), "SSIM, 1 is perfect");
+    html += Card(Format("%.3f", data.scores.flip), "FLIP, 0 is perfect");
   }
   if (data.train_s > 0) html += Card(io::FormatDuration(data.train_s), "training");
   html += Card(io::FormatDuration(data.total_wall_s), "in all");
@@ -90,7 +90,7 @@ std::string StripPicture(const io::Image& strip, int left, int width, const std:
          Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
 }
 
-std::string StripFigure(const ViewFigures& view, std::size_t rank) {
+std::string StripFigure(const ComparedView& view, std::size_t rank) {
   const io::Image strip = io::ReadImage(view.strip);
   const int width = (strip.width - 2 * kStripGap) / 3;
   std::string html = "<figure><div class=\"columns\">";
@@ -99,9 +99,9 @@ std::string StripFigure(const ViewFigures& view, std::size_t rank) {
     html += StripPicture(strip, left, width, what);
     left += width + kStripGap;
   }
-  return html + "</div><figcaption><span>" + Format("%zu. ", rank) + EscapeHtml(view.name) +
-         "</span><span><b>" + Format("%.2f dB", view.psnr_db) + "</b> " +
-         Format("SSIM %.3f, FLIP %.3f", view.ssim, view.flip) + "</span></figcaption></figure>\n";
+  return html + "</div><figcaption><span>" + Format("%zu. ", rank) + EscapeHtml(view.score.name) +
+         "</span><span><b>" + Format("%.2f dB", view.score.psnr_db) + "</b> " +
+         Format("SSIM %.3f, FLIP %.3f", view.score.ssim, view.score.flip) + "</span></figcaption></figure>\n";
 }
 
 std::string ViewsSection(const ReportData& data) {
@@ -113,13 +113,13 @@ std::string ViewsSection(const ReportData& data) {
                   data.views.size()));
   std::string open, folded, rows;
   std::size_t rank = 0, n_folded = 0;
-  for (const ViewFigures& view : data.views) {
+  for (const ComparedView& view : data.views) {
     ++rank;
-    rows += "<tr><td class=\"name\">" + EscapeHtml(view.name) + "</td>" +
+    rows += "<tr><td class=\"name\">" + EscapeHtml(view.score.name) + "</td>" +
             Format("<td class=\"n\">%.2f</td><td class=\"n\">%.4f</td><td class=\"n\">%.4f</td></tr>\n",
-                   view.psnr_db,
-                   view.ssim,
-                   view.flip);
+                   view.score.psnr_db,
+                   view.score.ssim,
+                   view.score.flip);
     if (view.strip.empty()) continue;
     (rank <= kOpenStrips ? open : folded) += StripFigure(view, rank);
     n_folded += rank > kOpenStrips;

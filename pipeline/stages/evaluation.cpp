@@ -4,11 +4,8 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
-#include <numeric>
 #include <set>
 
-#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
@@ -23,7 +20,6 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
@@ -68,7 +64,7 @@ io::Image MakeStrip(const io::Image& truth, const io::Image& render, const io::M
   return strip;
 }
 
-ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path) {
+ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double* mse) {
   if (!fs::is_regular_file(render_path)) {
     throw Error(ExitCode::kBadInput, render_path.string() + ": the render of a held-out view is missing");
   }
@@ -81,23 +77,15 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path) {
   const io::Mask mask = MaskOf(frame, truth);
   ViewScore score;
   score.name = frame.image_path.filename().string();
-  score.mse = nerf::MeanSquaredError(truth, render, mask);
-  score.identical = score.mse == 0;
-  score.psnr_db = nerf::PsnrFromMse(score.mse);
+  *mse = nerf::MeanSquaredError(truth, render, mask);
+  score.identical = *mse == 0;
+  score.psnr_db = nerf::PsnrFromMse(*mse);
   score.ssim = nerf::Ssim(truth, render, mask);
   score.flip = nerf::Flip(truth, render, {}, mask).mean;
   return score;
 }
 
 }  // namespace
-
-std::vector<int> Evaluation::WorstFirst() const {
-  std::vector<int> order(views.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(
-      order.begin(), order.end(), [&](int a, int b) { return views[a].psnr_db < views[b].psnr_db; });
-  return order;
-}
 
 io::Image QuantizeView(const nerf::RenderedView& view) {
   io::Image image = io::MakeImage(view.width, view.height, 3);
@@ -151,10 +139,10 @@ void RenderViews(const nerf::TrainedField& field,
   }
 }
 
-Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const EvaluationOptions& options) {
+Scores ScoreViews(const io::Scene& test, const fs::path& folder, const EvaluationOptions& options) {
   const int n = static_cast<int>(test.frames.size());
   if (n == 0) throw Error(ExitCode::kBadInput, "no held-out view to score", "Run pipeline normalize again");
-  Evaluation result;
+  Scores result;
   const io::Image first = io::ReadImage(test.frames[0].image_path);
   result.width = first.width;
   result.height = first.height;
@@ -163,24 +151,26 @@ Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const Evalu
     return !frame.mask_path.empty();
   });
   result.views.resize(test.frames.size());
+  std::vector<double> mses(test.frames.size());
   io::Workers workers(options.threads);
   io::Progress progress("evaluate: score");
   std::atomic<int> done = 0;
   workers.Run(n, [&](int i, int thread) {
     io::ThrowIfInterrupted();
-    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]));
+    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]), &mses[i]);
     ++done;
     if (thread == 0) progress.Update(static_cast<double>(done) / n);
   });
 
-  double mse = 0;
-  for (const ViewScore& view : result.views) {
+  double mean_mse = 0;
+  for (int i = 0; i < n; ++i) {
+    const ViewScore& view = result.views[i];
     result.psnr_db += view.psnr_db / n;
     result.ssim += view.ssim / n;
     result.flip += view.flip / n;
-    mse += view.mse / n;
+    mean_mse += mses[i] / n;
   }
-  result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mse);
+  result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mean_mse);
 
   fs::remove_all(folder / "compare");
   fs::create_directories(folder / "compare");
@@ -194,43 +184,6 @@ Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const Evalu
                    MakeStrip(truth, render, MaskOf(frame, truth)));
   });
   return result;
-}
-
-void WriteScores(const Evaluation& evaluation, const std::string& protocol, const fs::path& folder) {
-  Json json;
-  json["protocol"] = protocol;
-  json["resolution"] = {evaluation.width, evaluation.height};
-  json["background"] =
-      evaluation.white_background ? "white, straight alpha composited before scoring" : "none";
-  if (evaluation.masked) {
-    json["masked"] = true;
-    json["pixels"] = "those that the masks use; of SSIM and FLIP, values at their place";
-  }
-  json["rounding"] = "8-bit sRGB, nearest, both pictures";
-  json["ssim_kernel"] =
-      "11x11 Gaussian, sigma 1.5, valid region, mean of channels, k1 0.01, k2 0.03, data range 1";
-  json["flip_pixels_per_degree"] = nerf::FlipOptions().pixels_per_degree;
-  json["psnr_cap_db"] = nerf::kMaxPsnrDb;
-  json["psnr"] = evaluation.psnr_db;
-  json["ssim"] = evaluation.ssim;
-  json["flip"] = evaluation.flip;
-  json["psnr_of_mean_mse"] = evaluation.psnr_of_mean_mse_db;
-  std::string csv = "name,psnr,ssim,flip\n";
-  for (const ViewScore& view : evaluation.views) {
-    Json entry = {{"name", view.name}, {"psnr", view.psnr_db}, {"ssim", view.ssim}, {"flip", view.flip}};
-    if (view.identical) entry["identical"] = true;
-    json["images"].push_back(entry);
-    char numbers[96];
-    std::snprintf(numbers, sizeof numbers, ",%.4f,%.6f,%.6f\n", view.psnr_db, view.ssim, view.flip);
-    // RFC 4180: a name is quoted, and its quotes are doubled.
-    csv += '"';
-    for (const char c : view.name) csv += c == '"' ? std::string("\"\"") : std::string(1, c);
-    csv += '"';
-    csv += numbers;
-  }
-  io::WriteFileAtomically(folder / "metrics.json",
-                          json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
-  io::WriteFileAtomically(folder / "per_image.csv", csv);
 }
 
 }  // namespace pipeline

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "io/base/error.h"
@@ -22,6 +22,7 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/pose_source.h"
+#include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/scene/undistort.h"
 
@@ -29,7 +30,6 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 struct NormalizeOptions {
   CommonOptions common;
@@ -156,16 +156,10 @@ double WritePictures(
   return static_cast<double>(n_used) / static_cast<double>(n_pixels);
 }
 
-void RecordMasks(const io::Scene& scene, double used_share, StageRun* stage) {
-  const auto n_masks = std::count_if(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
+int CountMasks(const io::Scene& scene) {
+  return static_cast<int>(std::count_if(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
     return !frame.mask_path.empty();
-  });
-  if (n_masks == 0) return;
-  stage->Set("masks", static_cast<double>(n_masks));
-  stage->Set("used_share", used_share);
-  stage->Decide("masks: for " + std::to_string(n_masks) + " of " + std::to_string(scene.frames.size()) +
-                " pictures; training and scores use " + std::to_string(std::lround(100 * used_share)) +
-                " % of all pixels");
+  }));
 }
 
 // transforms_<split>.json of every split that has frames, read back as the next stages will read it.
@@ -194,35 +188,9 @@ std::string ProtocolName(const PoseSource& source) {
   return source.is_blender ? "nerf-" + std::to_string(longest) + "-white" : "capture";
 }
 
-Json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
-void RecordScene(const PoseSource& source, StageRun* stage) {
-  const io::Scene& scene = source.scene;
-  stage->Set("near", scene.near);
-  stage->Set("far", scene.far);
-  stage->SetJson("aabb", Json({ToJson(scene.aabb.min), ToJson(scene.aabb.max)}).dump());
-  stage->SetJson("unbounded", scene.unbounded ? "true" : "false");
-  const io::Sim3d& sim3 = scene.scene_from_sfm;
-  Json rotation = Json::array();
-  for (int r = 0; r < 3; ++r) rotation.push_back(ToJson(Eigen::Vector3d(sim3.rotation.row(r))));
-  const Json chain = {
-      {"scale", sim3.scale}, {"rotation", rotation}, {"translation", ToJson(sim3.translation)}};
-  stage->SetJson("scene_from_sfm", chain.dump());
-  stage->Set("protocol", ProtocolName(source));
-  stage->Set("frames", static_cast<double>(scene.frames.size()));
-  stage->Set("points", static_cast<double>(scene.points.size()));
-  Json held_out = Json::array();
-  for (std::size_t i = 0; i < source.splits.size(); ++i) {
-    if (source.splits[i] == "test") held_out.push_back(scene.frames[i].image_path.filename().string());
-  }
-  stage->SetJson("held_out", held_out.dump());
-  stage->SetJson("missing_images", Json(source.missing_images).dump());
-}
-
-// Moves the scene, or keeps it when it already lies as it should.
-void PlaceScene(PoseSource* source, StageRun* stage) {
+// Moves the scene; keeps it, and reports nothing, when it already lies as it should.
+std::optional<sfm::NormalizeReport> PlaceScene(PoseSource* source, StageRun* stage) {
   io::Scene& scene = source->scene;
-  Json coverage, coverage_near, depth_range;  // null: unknown
   if (source->is_blender) {
     scene.near = 2;
     scene.far = 6;
@@ -233,16 +201,10 @@ void PlaceScene(PoseSource* source, StageRun* stage) {
   } else {
     sfm::NormalizeReport report = sfm::NormalizeScene(scene);
     for (const std::string& line : report.decisions) stage->Decide(line);
-    if (report.coverage) {
-      coverage = *report.coverage;
-      coverage_near = *report.coverage_near;
-      depth_range = {report.depth_min, report.depth_max};
-    }
     scene = std::move(report.scene);
+    return report;
   }
-  stage->SetJson("coverage", coverage.dump());
-  stage->SetJson("coverage_near", coverage_near.dump());
-  stage->SetJson("depth_range", depth_range.dump());
+  return std::nullopt;
 }
 
 void DecideAboutInput(const PoseSource& source, StageRun* stage) {
@@ -262,7 +224,7 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
   if (stage.IsUpToDate()) return;
   const int threads = ResolvedThreads(options.common);
   DecideAboutInput(source, &stage);
-  PlaceScene(&source, &stage);
+  const std::optional<sfm::NormalizeReport> report = PlaceScene(&source, &stage);
 
   const fs::path undistorted = stage.folder() / "undistorted";
   const bool is_distorted = std::any_of(source.scene.cameras.begin(),
@@ -279,13 +241,20 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
   // NeRF-synthetic pictures have the size of their protocol; another size must be asked for.
   const bool keep_size = source.is_blender && !flags.IsSetByUser("image-size");
   const int size_limit = keep_size ? 0 : options.image_size;
-  const double used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
+  SceneRecord record;
+  record.used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
   fs::remove_all(undistorted);
   stage.Decide("pictures: " + std::to_string(source.scene.cameras[0].width) + " x " +
                std::to_string(source.scene.cameras[0].height) + " for training");
-  RecordMasks(source.scene, used_share, &stage);
+  record.protocol = ProtocolName(source);  // names the size of the written pictures
+  record.masks = CountMasks(source.scene);
+  if (record.masks > 0) {
+    stage.Decide("masks: for " + std::to_string(record.masks) + " of " +
+                 std::to_string(source.scene.frames.size()) + " pictures; training and scores use " +
+                 std::to_string(std::lround(100 * record.used_share)) + " % of all pixels");
+  }
   WriteSplits(source, stage.folder());
-  RecordScene(source, &stage);
+  WriteSceneRecord(record, source, report, &stage);
   stage.Finish();
 }
 

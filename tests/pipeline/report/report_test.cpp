@@ -15,6 +15,7 @@
 #include "io/scene/transforms.h"
 #include "pipeline/report/plot_svg.h"
 #include "pipeline/report/report_page.h"
+#include "pipeline/stage/frames.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/film.h"
 
@@ -127,7 +128,9 @@ class RunFolder {
   void WriteScores() const {
     const fs::path folder = path / "evaluate";
     pipeline::RenderViews(SphereField(0.04f), test_, folder, 2);
-    pipeline::WriteScores(pipeline::ScoreViews(test_, folder, {}), "capture", folder);
+    pipeline::Scores scores = pipeline::ScoreViews(test_, folder, {});
+    scores.protocol = "capture";
+    pipeline::WriteScores(scores, folder);
     Write("evaluate/evaluate.json", Record("evaluate", 3.4, {}));
   }
 
@@ -142,14 +145,14 @@ class RunFolder {
   }
 
   void WritePictures() const {
-    Json frames;
+    pipeline::Frames frames;
     for (int i = 0; i < 25; ++i) {
-      frames["kept"].push_back(
-          {{"name", "p" + std::to_string(i) + ".png"}, {"source", "p.jpg"}, {"notes", Json::array()}});
+      frames.kept.push_back(
+          {.name = "p" + std::to_string(i) + ".png", .source = "p.jpg", .width = 120, .height = 90});
     }
-    frames["kept"][3]["notes"] = {"16 bits became 8"};
-    frames["dropped"] = {{{"source", kNastyName}, {"reason", "blurred: 0.21 of its neighbours' sharpness"}}};
-    Write("ingest/frames.json", frames);
+    frames.kept[3].notes = {"16 bits became 8"};
+    frames.dropped = {{kNastyName, "blurred: 0.21 of its neighbours' sharpness"}};
+    pipeline::WriteFrames(path / "ingest/frames.json", frames);
     Write("ingest/ingest.json", Record("ingest", 4, {"1 of 26 pictures dropped"}));
     Json sfm = Record("sfm", 61, {"exhaustive matching: 25 pictures are 300 pairs"});
     sfm.update({{"images", 25}, {"registered", 24}, {"points", 3000}, {"mean_reprojection_error_px", 0.61}});
@@ -336,6 +339,19 @@ TEST(Report, IsWrittenAgainOnlyWhenSomethingChanged) {
   fs::remove(run.path / "train/curve.csv");
   ASSERT_EQ(RunReport(run.path), 0);
   EXPECT_NE(io::ReadFile(run.path / "report.html").find("No training curve"), std::string::npos);
+}
+
+TEST(Report, DamagedFilesAreRefusedByName) {
+  for (const char* file : {"ingest/frames.json", "evaluate/metrics.json", "scene/scene.json"}) {
+    const RunFolder run;
+    Json json = Json::parse(io::ReadFile(run.path / file));
+    for (const char* key : {"kept", "psnr", "protocol"}) json[key] = Json::array({1});
+    run.Write(file, json);
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(RunReport(run.path), 3) << file;
+    EXPECT_NE(testing::internal::GetCapturedStderr().find(file), std::string::npos);
+    EXPECT_FALSE(fs::exists(run.path / "report.html"));
+  }
 }
 
 TEST(Report, FolderWithoutARunIsRefused) {

@@ -20,7 +20,7 @@
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::Evaluation;
+using pipeline::Scores;
 using tests::SphereField;
 
 class EvaluationTest : public testing::Test {
@@ -42,9 +42,9 @@ class EvaluationTest : public testing::Test {
     }
   }
 
-  Evaluation Score(const nerf::TrainedField& field, int threads = 1, int max_strips = 24) {
+  Scores Score(const nerf::TrainedField& field, int threads = 1, int max_strips = 24) {
     pipeline::RenderViews(field, scene_, folder_, threads);
-    return pipeline::ScoreViews(scene_, folder_, {max_strips, threads});
+    return pipeline::ScoreViews(scene_, folder_, {.max_strips = max_strips, .threads = threads});
   }
 
   io::ExitCode CodeOf(const std::function<void()>& body) {
@@ -64,13 +64,14 @@ class EvaluationTest : public testing::Test {
 
 // N43
 TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
-  const Evaluation result = Score(SphereField());
+  Scores result = Score(SphereField());
+  result.protocol = "capture";
   ASSERT_EQ(result.views.size(), 4u);
   EXPECT_EQ(result.psnr_db, nerf::kMaxPsnrDb);
   EXPECT_NEAR(result.ssim, 1, 1e-12);
   EXPECT_EQ(result.flip, 0);
   for (const auto& view : result.views) EXPECT_TRUE(view.identical);
-  pipeline::WriteScores(result, "capture", folder_);
+  pipeline::WriteScores(result, folder_);
   const auto json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
   EXPECT_EQ(json["protocol"], "capture");
   EXPECT_EQ(json["images"].size(), 4u);
@@ -80,7 +81,7 @@ TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
 }
 
 TEST_F(EvaluationTest, KnownShadeGivesItsPsnr) {
-  const Evaluation result = Score(SphereField(10.f / 255));  // nothing saturates: brightest is 0.8
+  const Scores result = Score(SphereField(10.f / 255));  // nothing saturates: brightest is 0.8
   EXPECT_NEAR(result.psnr_db, 20 * std::log10(255.0 / 10), 1e-6);
   EXPECT_NEAR(result.psnr_of_mean_mse_db, result.psnr_db, 1e-6);
   EXPECT_LT(result.ssim, 1);
@@ -107,7 +108,7 @@ TEST_F(EvaluationTest, StripsAreRankedWorstFirst) {
   io::Image spoiled = io::ReadImage(scene_.frames[2].image_path);
   for (std::uint8_t& v : spoiled.data) v = static_cast<std::uint8_t>(255 - v);
   io::WriteImage(scene_.frames[2].image_path, spoiled);
-  const Evaluation result = Score(SphereField(), 2, 2);
+  const Scores result = Score(SphereField(), 2, 2);
   EXPECT_EQ(result.WorstFirst()[0], 2);
   EXPECT_TRUE(fs::exists(folder_ / "compare" / "01_view \"2\".png"));
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "compare"), fs::directory_iterator()), 2);
@@ -121,7 +122,7 @@ TEST_F(EvaluationTest, StripsAreRankedWorstFirst) {
 }
 
 TEST_F(EvaluationTest, ThreadsDoNotMatter) {
-  const Evaluation one = Score(SphereField(0.03f), 1), three = Score(SphereField(0.03f), 3);
+  const Scores one = Score(SphereField(0.03f), 1), three = Score(SphereField(0.03f), 3);
   EXPECT_EQ(one.psnr_db, three.psnr_db);
   EXPECT_EQ(one.ssim, three.ssim);
   EXPECT_EQ(one.flip, three.flip);
@@ -151,14 +152,14 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInStrips) {
     io::WriteImage(frame.image_path, spoiled);
     frame.mask_path = folder_ / "mask.png";
   }
-  const Evaluation result = Score(SphereField());
+  const Scores result = Score(SphereField());
   EXPECT_TRUE(result.masked);
   for (const auto& view : result.views) {
     EXPECT_TRUE(view.identical);
     EXPECT_NEAR(view.ssim, 1, 1e-12);
     EXPECT_EQ(view.flip, 0);
   }
-  pipeline::WriteScores(result, "capture, masked", folder_);
+  pipeline::WriteScores(result, folder_);
   EXPECT_EQ(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"))["masked"], true);
   const io::Image strip = io::ReadImage(folder_ / "compare" / "01_view \"0\".png"),
                   truth = io::ReadImage(scene_.frames[0].image_path),
@@ -171,10 +172,10 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInStrips) {
     }
   }
   for (io::Frame& frame : scene_.frames) frame.mask_path.clear();
-  const Evaluation whole = Score(SphereField());
+  const Scores whole = Score(SphereField());
   EXPECT_FALSE(whole.masked);
   EXPECT_LT(whole.views[0].psnr_db, 30);
-  pipeline::WriteScores(whole, "capture", folder_);
+  pipeline::WriteScores(whole, folder_);
   EXPECT_FALSE(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json")).contains("masked"));
 }
 
@@ -190,7 +191,7 @@ TEST_F(EvaluationTest, AlphaIsScoredOnWhite) {
   for (const io::Frame& frame : scene_.frames) {
     io::WriteImage(folder_ / "renders" / frame.image_path.filename(), white);
   }
-  const Evaluation result = pipeline::ScoreViews(scene_, folder_, {});
+  const Scores result = pipeline::ScoreViews(scene_, folder_, {});
   EXPECT_TRUE(result.white_background);
   EXPECT_TRUE(result.views[0].identical);
 }
@@ -207,8 +208,8 @@ TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
       io::WriteImage(frame.image_path, truth);
       io::WriteImage(folder_ / "renders" / frame.image_path.filename(), io::CompositeOn(truth, background));
     }
-    const Evaluation result = pipeline::ScoreViews(scene_, folder_, {});
-    pipeline::WriteScores(result, "blender", folder_);
+    const Scores result = pipeline::ScoreViews(scene_, folder_, {});
+    pipeline::WriteScores(result, folder_);
     return result.psnr_db;
   };
   EXPECT_LT(score_on(0), 10);
@@ -217,7 +218,7 @@ TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
   EXPECT_EQ(json["background"], "white, straight alpha composited before scoring");
   EXPECT_EQ(json["rounding"], "8-bit sRGB, nearest, both pictures");
   WriteTruth(SphereField());
-  pipeline::WriteScores(pipeline::ScoreViews(scene_, folder_, {}), "capture", folder_);
+  pipeline::WriteScores(pipeline::ScoreViews(scene_, folder_, {}), folder_);
   json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
   EXPECT_EQ(json["background"], "none");
 }

@@ -14,6 +14,7 @@
 #include "io/image/mask.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
+#include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stages.h"
 
 namespace {
@@ -150,6 +151,8 @@ TEST_F(Normalize, MasksFollowTheirPicturesIntoBothSplits) {
     EXPECT_EQ(n_masks, kFrames - 1);
     EXPECT_EQ(Record()["masks"], kFrames - 1);
     EXPECT_NEAR(Record()["used_share"], (0.5 * (kFrames - 1) + 1) / kFrames, 1e-12);
+    EXPECT_EQ(pipeline::ReadSceneRecord(out_).masks, kFrames - 1);
+    EXPECT_EQ(pipeline::ReadSceneRecord(out_).used_share, Record()["used_share"]);
   }
   const auto first = fs::last_write_time(out_ / "scene/scene.json");
   ASSERT_EQ(Run({"--poses", in_.string(), "--image-size", "40"}), 0);
