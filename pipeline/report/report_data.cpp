@@ -152,19 +152,13 @@ void GatherScores(const fs::path& run_folder, ReportData* data) {
   data->has_scores = fs::is_regular_file(run_folder / "evaluate" / "metrics.json");
   if (!data->has_scores) return;
   data->scores = ReadScores(run_folder / "evaluate");
-  for (const int view : data->scores.WorstFirst()) data->views.push_back({data->scores.views[view], ""});
-  std::vector<fs::path> strips;
-  const fs::path folder = run_folder / "evaluate" / "compare";
-  if (fs::is_directory(folder)) {
-    for (const auto& entry : fs::directory_iterator(folder)) strips.push_back(entry.path());
-  }
-  std::sort(strips.begin(), strips.end());
-  for (const fs::path& strip : strips) {
-    const std::string stem = strip.stem().string(),
-                      name = stem.substr(std::min(stem.size(), stem.find('_') + 1));
-    for (ComparedView& view : data->views) {
-      if (fs::path(view.score.name).stem() == name) view.strip = strip;
-    }
+  const int n_views = static_cast<int>(data->scores.views.size());
+  for (const int view : data->scores.WorstFirst()) {
+    const ViewScore& score = data->scores.views[view];
+    const int rank = static_cast<int>(data->views.size()) + 1;
+    const Comparison pictures = ComparisonPaths(run_folder / "evaluate", rank, n_views, score.name);
+    data->views.push_back({.score = score});
+    if (fs::is_regular_file(pictures.photo)) data->views.back().pictures = pictures;
   }
 }
 

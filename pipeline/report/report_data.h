@@ -3,10 +3,12 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nerf/training/training_curve.h"
+#include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/scores.h"
 
 namespace pipeline {
@@ -26,7 +28,7 @@ struct NamedText {
 
 struct ComparedView {
   ViewScore score;
-  std::filesystem::path strip;  // compare/<rank>_<stem>.png; empty when none was written
+  std::optional<Comparison> pictures;  // nothing when none were written
 };
 
 struct ReportData {

@@ -17,8 +17,8 @@ using io::Format;
 
 // Three stand beside one another on a wide screen; more pixels only make the file larger.
 constexpr int kMaxPictureWidth = 480;
-constexpr std::size_t kOpenStrips = 4;  // the others are folded away
-constexpr std::size_t kPlainRows = 12;  // longer lists are folded away
+constexpr std::size_t kOpenFigures = 4;  // the others are folded away
+constexpr std::size_t kPlainRows = 12;   // longer lists are folded away
 
 std::string Base64(const std::string& bytes) {
   static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -79,27 +79,21 @@ std::string FilmSection(const ReportData& data) {
   return html;
 }
 
-// One picture of a strip as a JPEG inside the page.
-std::string StripPicture(const io::Image& strip, int left, int width, const std::string& what) {
-  io::Image picture = io::MakeImage(width, strip.height, 3);
-  for (int y = 0; y < strip.height; ++y) std::copy_n(strip.Pixel(left, y), 3 * width, picture.Pixel(0, y));
-  const int shown = std::min(width, kMaxPictureWidth);
-  const int height = std::max(1, static_cast<int>(static_cast<double>(strip.height) * shown / width + 0.5));
-  const std::vector<std::uint8_t> jpeg = io::EncodeImage(io::ResizeArea(picture, shown, height), ".jpg");
+// A picture as a JPEG inside the page.
+std::string PictureElement(const std::filesystem::path& path, const std::string& what) {
+  const io::Image picture = io::ReadImage(path);
+  const int width = std::min(picture.width, kMaxPictureWidth);
+  const double height = static_cast<double>(picture.height) * width / picture.width;
+  const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(height + 0.5)));
+  const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
   return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
          Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
 }
 
-std::string StripFigure(const ComparedView& view, std::size_t rank) {
-  const io::Image strip = io::ReadImage(view.strip);
-  const int width = (strip.width - 2 * kStripGap) / 3;
-  std::string html = "<figure><div class=\"columns\">";
-  int left = 0;
-  for (const char* what : {"truth", "render", "error"}) {
-    html += StripPicture(strip, left, width, what);
-    left += width + kStripGap;
-  }
-  return html + "</div><figcaption><span>" + Format("%zu. ", rank) + EscapeHtml(view.score.name) +
+std::string ComparisonFigure(const ComparedView& view, std::size_t rank) {
+  return "<figure><div class=\"columns\">" + PictureElement(view.pictures->photo, "truth") +
+         PictureElement(view.pictures->render, "render") + PictureElement(view.pictures->error, "error") +
+         "</div><figcaption><span>" + Format("%zu. ", rank) + EscapeHtml(view.score.name) +
          "</span><span><b>" + Format("%.2f dB", view.score.psnr_db) + "</b> " +
          Format("SSIM %.3f, FLIP %.3f", view.score.ssim, view.score.flip) + "</span></figcaption></figure>\n";
 }
@@ -120,9 +114,9 @@ std::string ViewsSection(const ReportData& data) {
                    view.score.psnr_db,
                    view.score.ssim,
                    view.score.flip);
-    if (view.strip.empty()) continue;
-    (rank <= kOpenStrips ? open : folded) += StripFigure(view, rank);
-    n_folded += rank > kOpenStrips;
+    if (!view.pictures) continue;
+    (rank <= kOpenFigures ? open : folded) += ComparisonFigure(view, rank);
+    n_folded += rank > kOpenFigures;
   }
   if (!open.empty()) {
     html +=

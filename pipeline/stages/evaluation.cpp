@@ -1,9 +1,10 @@
 #include "pipeline/stages/evaluation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
 #include <set>
 
 #include "io/base/error.h"
@@ -23,22 +24,16 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
-constexpr std::uint8_t kDarkening = 4;  // unused pixels of a strip: dark, but one sees what was there
+constexpr std::uint8_t kDarkening = 4;  // unused pixels of compare/: dark, but one sees what was there
 
 fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
   return folder / "renders" / (frame.image_path.stem().string() + ".png");
 }
 
-std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+std::string SizeText(int width, int height) { return fmt::format("{}x{}", width, height); }
 
 io::Image ReadTruth(const io::Frame& frame) {
   return io::CompositeOn(io::ReadImage(frame.image_path), kWhite);
-}
-
-void Paste(const io::Image& picture, int x, io::Image* strip) {
-  for (int y = 0; y < picture.height; ++y) {
-    std::copy_n(picture.Pixel(0, y), 3 * picture.width, strip->Pixel(x, y));
-  }
 }
 
 io::Mask MaskOf(const io::Frame& frame, const io::Image& truth) {
@@ -52,16 +47,14 @@ io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
   return picture;
 }
 
-io::Image MakeStrip(const io::Image& truth, const io::Image& render, const io::Mask& mask) {
+void WriteComparison(const io::Frame& frame, const fs::path& render_path, const Comparison& paths) {
+  const io::Image truth = ReadTruth(frame), render = io::ReadImage(render_path);
+  const io::Mask mask = MaskOf(frame, truth);
   const nerf::FlipMap flip = nerf::Flip(truth, render);
-  const int step = truth.width + kStripGap;
-  io::Image strip = io::MakeImage(3 * step - kStripGap, truth.height, 3);
-  std::fill(strip.data.begin(), strip.data.end(), kWhite);
   const io::Image error = io::ApplyColourMap(flip.error, flip.width, flip.height, io::ColourMap::kMagma);
-  Paste(DarkenUnused(truth, mask), 0, &strip);
-  Paste(DarkenUnused(render, mask), step, &strip);
-  Paste(DarkenUnused(error, mask), 2 * step, &strip);
-  return strip;
+  io::WriteImage(paths.photo, DarkenUnused(truth, mask));
+  io::WriteImage(paths.render, DarkenUnused(render, mask));
+  io::WriteImage(paths.error, DarkenUnused(error, mask));
 }
 
 ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double* mse) {
@@ -92,10 +85,10 @@ io::Image QuantizeView(const nerf::RenderedView& view) {
   for (std::size_t i = 0; i < image.data.size(); ++i) {
     if (!std::isfinite(view.rgb[i])) {
       const std::size_t pixel = i / 3;
-      throw Error(ExitCode::kBadInput,
-                  "the render is not finite at pixel (" + std::to_string(pixel % view.width) + ", " +
-                      std::to_string(pixel / view.width) + ")",
-                  "The checkpoint is unusable: train again");
+      throw Error(
+          ExitCode::kBadInput,
+          fmt::format("the render is not finite at pixel ({}, {})", pixel % view.width, pixel / view.width),
+          "The checkpoint is unusable: train again");
     }
     image.data[i] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(view.rgb[i], 0.f, 1.f)));
   }
@@ -139,6 +132,13 @@ void RenderViews(const nerf::TrainedField& field,
   }
 }
 
+Comparison ComparisonPaths(const fs::path& folder, int rank, int n_views, const std::string& name) {
+  const std::string start =
+      fmt::format("{:0{}}_{}_", rank, n_views < 100 ? 2 : 3, fs::path(name).stem().string());
+  const auto path = [&](const char* what) { return folder / "compare" / (start + what + ".png"); };
+  return {path("photo"), path("render"), path("error")};
+}
+
 Scores ScoreViews(const io::Scene& test, const fs::path& folder, const EvaluationOptions& options) {
   const int n = static_cast<int>(test.frames.size());
   if (n == 0) throw Error(ExitCode::kBadInput, "no held-out view to score", "Run pipeline normalize again");
@@ -177,11 +177,9 @@ Scores ScoreViews(const io::Scene& test, const fs::path& folder, const Evaluatio
   const std::vector<int> order = result.WorstFirst();
   workers.Run(std::min(n, options.max_strips), [&](int rank, int) {
     const io::Frame& frame = test.frames[order[rank]];
-    char prefix[16];
-    std::snprintf(prefix, sizeof prefix, n < 100 ? "%02d_" : "%03d_", rank + 1);
-    const io::Image truth = ReadTruth(frame), render = io::ReadImage(RenderPath(folder, frame));
-    io::WriteImage(folder / "compare" / (prefix + frame.image_path.stem().string() + ".png"),
-                   MakeStrip(truth, render, MaskOf(frame, truth)));
+    WriteComparison(frame,
+                    RenderPath(folder, frame),
+                    ComparisonPaths(folder, rank + 1, n, result.views[order[rank]].name));
   });
   return result;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "io/image/image.h"
 #include "io/scene/scene.h"
@@ -11,12 +12,9 @@
 
 namespace pipeline {
 
-// Pixels of white between the three pictures of a comparison strip.
-inline constexpr int kStripGap = 8;
-
 struct EvaluationOptions {
   int every = 1;        // score every n-th held-out view
-  int max_strips = 24;  // comparison strips to write, worst views first
+  int max_strips = 24;  // views to write pictures of into compare/, worst first
   int threads = 1;
 };
 
@@ -32,9 +30,21 @@ void RenderViews(const nerf::TrainedField& field,
                  const std::filesystem::path& folder,
                  int threads);
 
-// Scores folder/renders/ against the pictures of `test` where their masks use them; writes
-// folder/compare/<rank>_<stem>.png (truth | render | FLIP error in magma colours, unused pixels dark), rank 1
-// the worst PSNR. The result names no protocol. Throws kBadInput for a missing render or one of another size.
+// The pictures of folder/compare/ that show one view: the photo, its render, and the FLIP error in magma
+// colours.
+struct Comparison {
+  std::filesystem::path photo, render, error;  // <rank>_<stem>_photo.png and so on
+};
+
+// Where they lie. rank: 1 for the worst of n_views views; name: file name of the held-out picture.
+Comparison ComparisonPaths(const std::filesystem::path& folder,
+                           int rank,
+                           int n_views,
+                           const std::string& name);
+
+// Scores folder/renders/ against the pictures of `test` where their masks use them, and writes
+// folder/compare/, pixels that a mask does not use dark. The result names no protocol. Throws kBadInput for a
+// missing render or one of another size.
 Scores ScoreViews(const io::Scene& test,
                   const std::filesystem::path& folder,
                   const EvaluationOptions& options);
