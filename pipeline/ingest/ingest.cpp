@@ -92,8 +92,10 @@ void Ingest(int argc, const char* const* argv) {
   StageRun stage("ingest", common, options, inputs);
   if (stage.IsUpToDate()) return;
   fs::create_directories(stage.folder() / "images");
+  std::vector<std::string> hashes;
+  for (const fs::path& file : source.files) hashes.push_back(stage.InputHash(file));
   const IngestReport report = source.is_video ? IngestVideo(source.files[0], ingest, stage.folder())
-                                              : IngestPhotos(source, ingest, stage.folder());
+                                              : IngestPhotos(source, hashes, ingest, stage.folder());
   WriteFrames(stage.folder() / "frames.json", report.frames);
   for (const std::string& line : report.decisions) stage.Decide(line);
   stage.Set("input_kind", std::string(source.is_video ? "video" : "photos"));

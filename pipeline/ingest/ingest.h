@@ -30,9 +30,10 @@ struct IngestReport {
 };
 
 // Write the kept pictures as PNG into folder/images, and the masks of those that have one, under the same
-// name, into folder/masks. Throw kBadInput when the input or a mask is damaged, kNotReconstructible when too
-// little is left.
+// name, into folder/masks. hashes: of each photo's content, in order; equal ones are copies. Throw kBadInput
+// when the input or a mask is damaged, kNotReconstructible when too little is left.
 IngestReport IngestPhotos(const PictureSource& source,
+                          const std::vector<std::string>& hashes,
                           const IngestOptions& options,
                           const std::filesystem::path& folder);
 IngestReport IngestVideo(const std::filesystem::path& video,

@@ -7,7 +7,6 @@
 #include <tuple>
 
 #include "io/base/error.h"
-#include "io/base/hash.h"
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
@@ -77,12 +76,11 @@ void IngestPhoto(const fs::path& file,
 }
 
 // The later ones of files with equal bytes get a reason.
-void FindCopies(const std::vector<fs::path>& files, std::vector<PhotoResult>* results) {
+void FindCopies(const std::vector<std::string>& hashes, std::vector<PhotoResult>* results) {
   std::map<std::string, std::string> first_with;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    io::ThrowIfInterrupted();
+  for (std::size_t i = 0; i < hashes.size(); ++i) {
     PhotoResult& result = (*results)[i];
-    const auto [it, is_new] = first_with.emplace(io::HashFile(files[i]), result.picture.source);
+    const auto [it, is_new] = first_with.emplace(hashes[i], result.picture.source);
     if (!is_new) result.reason = "exact copy of " + it->second;
   }
 }
@@ -154,6 +152,7 @@ void Select(std::vector<PhotoResult>* results,
 }
 
 std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
+                                   const std::vector<std::string>& hashes,
                                    const IngestOptions& options,
                                    const fs::path& folder) {
   const std::vector<std::string> stems = SafeStems(files);
@@ -162,7 +161,7 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
     results[i].picture.name = stems[i] + ".png";
     results[i].picture.source = PrintableName(files[i].filename().string());
   }
-  FindCopies(files, &results);
+  FindCopies(hashes, &results);
 
   io::Progress progress("reading photos");
   std::mutex progress_mutex;
@@ -221,11 +220,14 @@ void DescribeResult(IngestReport* report) {
 
 }  // namespace
 
-IngestReport IngestPhotos(const PictureSource& source, const IngestOptions& options, const fs::path& folder) {
+IngestReport IngestPhotos(const PictureSource& source,
+                          const std::vector<std::string>& hashes,
+                          const IngestOptions& options,
+                          const fs::path& folder) {
   const std::vector<fs::path>& files = source.files;
   const fs::path parent = files[0].has_parent_path() ? files[0].parent_path() : ".";
   const std::string name = PrintableName(parent.string());
-  std::vector<PhotoResult> results = DecodeAll(files, options, folder);
+  std::vector<PhotoResult> results = DecodeAll(files, hashes, options, folder);
 
   IngestReport report;
   std::vector<DroppedPicture> bad;
