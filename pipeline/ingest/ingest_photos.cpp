@@ -1,4 +1,6 @@
 // The photo half of the ingest stage.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -89,8 +91,12 @@ void FindCopies(const std::vector<std::string>& hashes, std::vector<PhotoResult>
 void RefuseMostlyBad(const std::vector<DroppedPicture>& bad, std::size_t n_whole, const std::string& folder) {
   if (bad.size() <= n_whole) return;
   throw Error(ExitCode::kBadInput,
-              folder + ": " + std::to_string(bad.size()) + " of " + std::to_string(bad.size() + n_whole) +
-                  " pictures cannot be used, the first being " + bad[0].source + ": " + bad[0].reason,
+              fmt::format("{}: {} of {} pictures cannot be used, the first being {}: {}",
+                          folder,
+                          bad.size(),
+                          bad.size() + n_whole,
+                          bad[0].source,
+                          bad[0].reason),
               "Copy them again from the camera");
 }
 
@@ -98,12 +104,18 @@ void RefuseTooFew(const Frames& frames, const std::string& folder) {
   if (frames.kept.size() >= kMinPictures) return;
   std::string why;
   if (!frames.dropped.empty()) {
-    why = " (" + std::to_string(frames.dropped.size()) + " dropped, the first being " +
-          frames.dropped[0].source + ": " + frames.dropped[0].reason + ")";
+    why = fmt::format(" ({} dropped, the first being {}: {})",
+                      frames.dropped.size(),
+                      frames.dropped[0].source,
+                      frames.dropped[0].reason);
   }
   throw Error(ExitCode::kNotReconstructible,
-              folder + ": " + std::to_string(frames.kept.size()) + " usable picture" +
-                  (frames.kept.size() == 1 ? "" : "s") + why + "; a scene needs at least 3",
+              fmt::format("{}: {} usable picture{}{}; a scene needs at least {}",
+                          folder,
+                          frames.kept.size(),
+                          frames.kept.size() == 1 ? "" : "s",
+                          why,
+                          kMinPictures),
               "Take 20 or more from positions around the object, each overlapping the last by half");
 }
 
@@ -146,8 +158,8 @@ void Select(std::vector<PhotoResult>* results,
     }
   }
   if (groups.size() > 1) {
-    report->decisions.push_back(std::to_string(groups.size()) +
-                                " camera groups: the pictures differ in camera, size or focal length");
+    report->decisions.push_back(
+        fmt::format("{} camera groups: the pictures differ in camera, size or focal length", groups.size()));
   }
 }
 
@@ -189,10 +201,11 @@ void DescribeMasks(const std::vector<PhotoResult>& results, IngestReport* report
   }
   const long percent = n_masks > 0 ? std::lround(100 * shares / static_cast<double>(n_masks)) : 0;
   const bool is_complete = n_masks == report->frames.kept.size();
-  report->decisions.push_back("masks for " + std::to_string(n_masks) + " of " +
-                              std::to_string(report->frames.kept.size()) + " pictures, which use " +
-                              std::to_string(percent) + " % of their pixels" +
-                              (is_complete ? "" : "; the other pictures are used whole"));
+  report->decisions.push_back(fmt::format("masks for {} of {} pictures, which use {} % of their pixels{}",
+                                          n_masks,
+                                          report->frames.kept.size(),
+                                          percent,
+                                          is_complete ? "" : "; the other pictures are used whole"));
 }
 
 void DescribeResult(IngestReport* report) {
@@ -203,18 +216,17 @@ void DescribeResult(IngestReport* report) {
   const std::size_t n_kept = report->frames.kept.size();
   const std::vector<DroppedPicture>& dropped = report->frames.dropped;
   for (const auto& [note, n] : notes) {
-    report->decisions.push_back(note + " (" + std::to_string(n) + " of " + std::to_string(n_kept) +
-                                " pictures)");
+    report->decisions.push_back(fmt::format("{} ({} of {} pictures)", note, n, n_kept));
   }
   for (std::size_t i = 0; i < std::min(kMaxListed, dropped.size()); ++i) {
-    report->decisions.push_back("dropped " + dropped[i].source + ": " + dropped[i].reason);
+    report->decisions.push_back(fmt::format("dropped {}: {}", dropped[i].source, dropped[i].reason));
   }
   if (dropped.size() > kMaxListed) {
-    report->decisions.push_back("dropped " + std::to_string(dropped.size() - kMaxListed) +
-                                " more: see frames.json");
+    report->decisions.push_back(fmt::format("dropped {} more: see frames.json", dropped.size() - kMaxListed));
   }
   if (n_kept < kAdvisedPictures) {
-    report->decisions.push_back("only " + std::to_string(n_kept) + " pictures: 20 or more are advised");
+    report->decisions.push_back(
+        fmt::format("only {} pictures: {} or more are advised", n_kept, kAdvisedPictures));
   }
 }
 

@@ -1,6 +1,7 @@
 #include "pipeline/ingest/picture_source.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <glob.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,7 +10,6 @@
 #include <array>
 #include <cctype>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <set>
 
@@ -173,10 +173,9 @@ PictureSource Classify(std::vector<fs::path> paths, const fs::path& input) {
     return source;
   }
   if (source.files.empty() && videos.size() > 1) {
-    throw Error(
-        ExitCode::kBadInput,
-        PrintableName(input.string()) + ": holds " + std::to_string(videos.size()) + " videos and no photo",
-        "Give one of the videos by name");
+    throw Error(ExitCode::kBadInput,
+                fmt::format("{}: holds {} videos and no photo", PrintableName(input.string()), videos.size()),
+                "Give one of the videos by name");
   }
   for (const fs::path& video : videos) {
     source.refused.push_back(
@@ -260,9 +259,7 @@ std::string PrintableName(const std::string& name) {
       printable += name.substr(i, length);
       i += length;
     } else {
-      char text[8];
-      std::snprintf(text, sizeof text, "\\x%02x", first);
-      printable += text;
+      printable += fmt::format("\\x{:02x}", first);
       ++i;
     }
   }
@@ -279,7 +276,7 @@ std::vector<std::string> SafeStems(const std::vector<fs::path>& files) {
     }
     if (stem[0] == '-' || stem[0] == '.') stem[0] = '_';  // neither an option nor a hidden file
     std::string unique = stem;
-    for (int n = 2; !used.insert(Lower(unique)).second; ++n) unique = stem + "_" + std::to_string(n);
+    for (int n = 2; !used.insert(Lower(unique)).second; ++n) unique = fmt::format("{}_{}", stem, n);
     stems.push_back(unique);
   }
   return stems;

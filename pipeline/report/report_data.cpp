@@ -1,8 +1,9 @@
 #include "pipeline/report/report_data.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
@@ -138,13 +139,11 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
     return NumberAt(a, "rotation_sigma_deg") > NumberAt(b, "rotation_sigma_deg");
   });
   for (const Json& pose : poses) {
-    char text[100];
-    std::snprintf(text,
-                  sizeof text,
-                  "rotation +- %.4f degrees, centre +- %.3f %% of the cameras' extent",
-                  NumberAt(pose, "rotation_sigma_deg"),
-                  100 * NumberAt(pose, "centre_sigma_share"));
-    data->pose_uncertainties.push_back({TextAt(pose, "name"), text});
+    data->pose_uncertainties.push_back(
+        {TextAt(pose, "name"),
+         fmt::format("rotation +- {:.4f} degrees, centre +- {:.3f} % of the cameras' extent",
+                     NumberAt(pose, "rotation_sigma_deg"),
+                     100 * NumberAt(pose, "centre_sigma_share"))});
   }
 }
 
@@ -174,8 +173,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   }
   if (run.contains("host")) {
     const Json& host = run["host"];
-    data.host =
-        TextAt(host, "name") + ", " + std::to_string(static_cast<int>(NumberAt(host, "cores"))) + " cores";
+    data.host = fmt::format("{}, {:.0f} cores", TextAt(host, "name"), NumberAt(host, "cores"));
   }
   if (run.contains("versions") && run["versions"].is_object()) {
     for (const auto& [name, version] : run["versions"].items()) {

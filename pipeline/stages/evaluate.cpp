@@ -1,4 +1,4 @@
-#include <cstdio>
+#include <fmt/format.h>
 
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
@@ -26,8 +26,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     for (std::size_t i = 0; i < n_all; i += static_cast<std::size_t>(options.every))
       kept.push_back(test.frames[i]);
     test.frames = std::move(kept);
-    stage.Decide("scored " + std::to_string(test.frames.size()) + " of " + std::to_string(n_all) +
-                 " held-out views");
+    stage.Decide(fmt::format("scored {} of {} held-out views", test.frames.size(), n_all));
   }
   RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
   Scores scores = ScoreViews(test, stage.folder(), options);
@@ -35,18 +34,15 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
-  char line[512];
-  std::snprintf(line,
-                sizeof line,
-                "%zu held-out views (%s): PSNR %.2f dB, SSIM %.4f, FLIP %.4f; worst %s %.2f dB",
-                scores.views.size(),
-                scores.protocol.c_str(),
-                scores.psnr_db,
-                scores.ssim,
-                scores.flip,
-                worst.name.c_str(),
-                worst.psnr_db);
-  std::printf("evaluate: %s\n", line);
+  fmt::print(
+      "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
+      scores.views.size(),
+      scores.protocol,
+      scores.psnr_db,
+      scores.ssim,
+      scores.flip,
+      worst.name,
+      worst.psnr_db);
   if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", scores.protocol);

@@ -2,6 +2,8 @@
 // units, the split, near, far, aabb).
 #include "sfm/scene/normalize.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -59,9 +61,10 @@ void SplitFrames(const NormalizeOptions& options, PoseSource* source, StageRun* 
   }
   // Observers are indices into the old order; nothing reads them from here on.
   for (io::Point3D& point : source->scene.points) point.frame_indices.clear();
-  stage->Decide(given.empty() ? "split: every " + std::to_string(options.holdout_every) +
-                                    "th picture in natural order is held out for testing"
-                              : "split: kept as given");
+  stage->Decide(given.empty()
+                    ? fmt::format("split: every {}th picture in natural order is held out for testing",
+                                  options.holdout_every)
+                    : "split: kept as given");
 }
 
 // Equal pictures in train and test make every score worthless.
@@ -77,8 +80,7 @@ void WarnOfLeakage(const PoseSource& source, StageRun* stage) {
       else
         shared += source.splits[i] == "test" && trained.contains(hash);
     }
-    if (shared > 0)
-      stage->Decide("warning: " + std::to_string(shared) + " test pictures are training pictures too");
+    if (shared > 0) stage->Decide(fmt::format("warning: {} test pictures are training pictures too", shared));
   }
 }
 
@@ -94,9 +96,7 @@ std::vector<fs::path> PictureNames(const PoseSource& source, bool is_split_given
     is_unique = seen.insert(names.back()).second && is_unique;
   }
   for (std::size_t i = 0; !is_unique && i < names.size(); ++i) {
-    const std::string number = std::to_string(i + 1);
-    const std::string zeros(number.size() < 5 ? 5 - number.size() : 0, '0');
-    names[i].replace_filename(zeros + number + "_" + names[i].filename().string());
+    names[i].replace_filename(fmt::format("{:05}_{}", i + 1, names[i].filename().string()));
   }
   return names;
 }
@@ -185,7 +185,7 @@ void WriteSplits(const PoseSource& source, const fs::path& folder) {
 std::string ProtocolName(const PoseSource& source) {
   const io::Camera& camera = source.scene.cameras[0];
   const int longest = std::max(camera.width, camera.height);
-  return source.is_blender ? "nerf-" + std::to_string(longest) + "-white" : "capture";
+  return source.is_blender ? fmt::format("nerf-{}-white", longest) : "capture";
 }
 
 // Moves the scene; keeps it, and reports nothing, when it already lies as it should.
@@ -211,7 +211,7 @@ void DecideAboutInput(const PoseSource& source, StageRun* stage) {
   for (const std::string& note : source.notes) stage->Decide("input: " + note);
   if (source.missing_images.empty()) return;
   std::string line =
-      std::to_string(source.missing_images.size()) + " posed pictures do not exist and are left out:";
+      fmt::format("{} posed pictures do not exist and are left out:", source.missing_images.size());
   for (std::size_t i = 0; i < std::min(kMaxNamed, source.missing_images.size()); ++i)
     line += " " + source.missing_images[i];
   stage->Decide(line + (source.missing_images.size() > kMaxNamed ? " ..." : ""));
@@ -244,14 +244,15 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
   SceneRecord record;
   record.used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
   fs::remove_all(undistorted);
-  stage.Decide("pictures: " + std::to_string(source.scene.cameras[0].width) + " x " +
-               std::to_string(source.scene.cameras[0].height) + " for training");
+  const io::Camera& camera = source.scene.cameras[0];
+  stage.Decide(fmt::format("pictures: {} x {} for training", camera.width, camera.height));
   record.protocol = ProtocolName(source);  // names the size of the written pictures
   record.masks = CountMasks(source.scene);
   if (record.masks > 0) {
-    stage.Decide("masks: for " + std::to_string(record.masks) + " of " +
-                 std::to_string(source.scene.frames.size()) + " pictures; training and scores use " +
-                 std::to_string(std::lround(100 * record.used_share)) + " % of all pixels");
+    stage.Decide(fmt::format("masks: for {} of {} pictures; training and scores use {} % of all pixels",
+                             record.masks,
+                             source.scene.frames.size(),
+                             std::lround(100 * record.used_share)));
   }
   WriteSplits(source, stage.folder());
   WriteSceneRecord(record, source, report, &stage);

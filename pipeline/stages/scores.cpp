@@ -1,7 +1,8 @@
 #include "pipeline/stages/scores.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -24,9 +25,7 @@ constexpr char kOnWhite[] = "white, straight alpha composited before scoring";
 std::string CsvLine(const ViewScore& view) {
   std::string line = "\"";
   for (const char c : view.name) line += c == '"' ? std::string("\"\"") : std::string(1, c);
-  char numbers[96];
-  std::snprintf(numbers, sizeof numbers, "\",%.4f,%.6f,%.6f\n", view.psnr_db, view.ssim, view.flip);
-  return line + numbers;
+  return line + fmt::format("\",{:.4f},{:.6f},{:.6f}\n", view.psnr_db, view.ssim, view.flip);
 }
 
 double NumberAt(const JsonReader& json, const char* key) {

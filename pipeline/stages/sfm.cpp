@@ -1,4 +1,6 @@
 // `pipeline sfm`: ingest/ in, posed pinhole pictures out.
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -100,19 +102,17 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
   Json unregistered = Json::array();
   for (const sfm::Unregistered& picture : result.unregistered) {
     unregistered.push_back({{"name", picture.name}, {"cause", picture.cause}});
-    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), picture.cause.c_str());
+    fmt::print(stderr, "sfm: not registered: {} ({})\n", picture.name, picture.cause);
   }
   stage->SetJson("unregistered", unregistered.dump());
-  char line[200];
-  std::snprintf(line,
-                sizeof line,
-                "%zu of %zu pictures registered, %zu points, %.2f px mean error, median angle %.1f degrees",
-                model.scene.frames.size(),
-                n_pictures,
-                model.scene.points.size(),
-                model.mean_reprojection_error_px,
-                result.triangulation_angle_deg);
-  std::fprintf(stderr, "sfm: %s\n", line);
+  fmt::print(
+      stderr,
+      "sfm: {} of {} pictures registered, {} points, {:.2f} px mean error, median angle {:.1f} degrees\n",
+      model.scene.frames.size(),
+      n_pictures,
+      model.scene.points.size(),
+      model.mean_reprojection_error_px,
+      result.triangulation_angle_deg);
 }
 
 }  // namespace
