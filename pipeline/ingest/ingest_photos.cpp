@@ -39,8 +39,8 @@ struct PhotoResult {
   std::string make, model;
 };
 
-// Decodes and writes one photo and its mask. A file that cannot be decoded is a result, not a failure; a mask
-// that cannot is one, for without it the photo would be used whole.
+// Decodes and writes one photo and its mask. A photo that cannot be decoded is dropped with its reason; a
+// mask that cannot be decoded is an error, for without it the photo would be used whole.
 void IngestPhoto(const fs::path& file,
                  const fs::path& mask_file,
                  int max_side,

@@ -20,8 +20,8 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr int kMeasureSide = 640;  // [px] what io::Sharpness looks at
-constexpr double kDark = 8;        // [grey levels] mean of a frame without light
-constexpr double kMinPath = 0.02;  // [picture widths] less is tremor
+constexpr double kDark = 8;        // [grey levels] a frame whose mean is below has no light
+constexpr double kMinPath = 0.02;  // [picture widths] a shorter path is a tremor of the hand
 constexpr double kCompleteShare =
     0.98;                              // of the frames that the container promises, which may be an estimate
 constexpr std::size_t kMinFrames = 3;  // two views fix no scene and leave none to check with

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kNeighbours = 15;  // a median over it survives a run of seven blurred pictures
 constexpr std::size_t kMinSet = 5;       // below, there is no typical sharpness
 
-// sharpness[i] relative to the median of the window around it, which stays whole at both ends.
+// sharpness[i] relative to the median of the window around it; at both ends the window is shifted, not cut.
 std::vector<double> RelativeSharpness(std::span<const double> sharpness) {
   const std::size_t n = sharpness.size(), window = std::min(n, kNeighbours);
   std::vector<double> relative(n);

@@ -111,8 +111,8 @@ io::Camera LimitedCamera(const io::Camera& camera, int limit) {
   return io::ResizedCamera(camera, scaled(camera.width), scaled(camera.height));
 }
 
-// A PNG that needs no resizing becomes a second name of the same file, or a copy where the file system has no
-// such.
+// A PNG that needs no resizing becomes a hard link to the same file, or a copy where the file system has no
+// hard links.
 void PlacePicture(const fs::path& from, const fs::path& to, int width, int height, const io::Camera& camera) {
   fs::create_directories(to.parent_path());
   if (width == camera.width && height == camera.height && from.extension() == ".png") {

@@ -204,7 +204,7 @@ PoseSource ReadSfmPoses(const fs::path& sfm_folder) {
   PoseSource source = ReadTransformsFile(json_path);
   const fs::path sparse = sfm_folder / "sparse";
   const fs::path model_folder = fs::is_directory(sparse) ? LargestModel(sparse) : fs::path();
-  if (model_folder.empty()) return source;  // points.ply, named by transforms.json, has no tracks but serves
+  if (model_folder.empty()) return source;  // its points are those of points.ply, without tracks
   // The pictures were undistorted, and may have changed their extension.
   std::map<std::string, int> index_of_stem;
   for (std::size_t i = 0; i < source.scene.frames.size(); ++i)
