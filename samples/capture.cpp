@@ -1,11 +1,12 @@
 // Takes the photographs, films, and writes down the truth.
 #include "samples/capture.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
@@ -31,21 +32,15 @@ constexpr int kFramesPerKnock = 3, kBlurPoses = 16;
 constexpr double kSecondsPerPhoto = 3, kBaseExposure_s = 1.0 / 80;
 constexpr int kDepthEvery = 10;
 
-std::string Numbered(const char* format, int number) {
-  char name[32];
-  std::snprintf(name, sizeof name, format, number);
-  return name;
-}
-
 void CheckOptions(const CaptureOptions& options) {
   if (options.out.empty()) throw Error(ExitCode::kUsage, "--out is missing", "Name the folder to write");
   if (options.width < 64 || options.width > 8192 || options.width % 8 != 0) {
     throw Error(ExitCode::kUsage,
-                "--width " + std::to_string(options.width) + ": no width to film with",
+                fmt::format("--width {}: no width to film with", options.width),
                 "Choose a multiple of 8 from 64 to 8192");
   }
   if (options.photos < 1 || options.photos > 9999) {
-    throw Error(ExitCode::kUsage, "--photos " + std::to_string(options.photos), "Choose 1 to 9999");
+    throw Error(ExitCode::kUsage, fmt::format("--photos {}", options.photos), "Choose 1 to 9999");
   }
   if (options.threads < 1) throw Error(ExitCode::kUsage, "--threads must be at least 1");
   if (fs::exists(options.out) && !(fs::is_directory(options.out) && fs::is_empty(options.out))) {
@@ -71,8 +66,7 @@ void WriteDepth(const fs::path& path, const io::Camera& camera, const std::vecto
   // PFM: little-endian floats (scale -1), rows from bottom to top.
   static_assert(std::endian::native == std::endian::little);
   const std::size_t row_bytes = static_cast<std::size_t>(camera.width) * sizeof(float);
-  std::string bytes =
-      "Pf\n" + std::to_string(camera.width) + " " + std::to_string(camera.height) + "\n-1.0\n";
+  std::string bytes = fmt::format("Pf\n{} {}\n-1.0\n", camera.width, camera.height);
   for (int y = camera.height - 1; y >= 0; --y) {
     bytes.append(reinterpret_cast<const char*>(&depth[static_cast<std::size_t>(y) * camera.width]),
                  row_bytes);
@@ -94,7 +88,7 @@ void TakePhotos(const CaptureOptions& options, const StillLife& still_life, cons
     const double ev = options.exposure_ev * (2 * UnitHash(i, 7, options.seed) - 1);
     const Exposure exposure{ev, options.noise_sigma, Hash(i, 8, options.seed)};
     const io::Rigid3d& pose = poses[static_cast<std::size_t>(i)];
-    const std::string stem = Numbered("IMG_%04d", i + 1);
+    const std::string stem = fmt::format("IMG_{:04}", i + 1);
     WritePhoto(folder / "photos" / (stem + ".jpg"),
                photographer.Take(still_life, {pose}, exposure),
                options.jpeg_quality,
@@ -136,7 +130,7 @@ int Film(const CaptureOptions& options, const StillLife& still_life, const fs::p
   io::Progress progress("film");
   for (int i = 0; i < frames; ++i) {
     io::ThrowIfInterrupted();
-    const std::string name = Numbered("frame_%06d.png", i);  // as `pipeline ingest` will call it
+    const std::string name = fmt::format("frame_{:06}.png", i);  // as `pipeline ingest` will call it
     const io::Rigid3d pose = WalkPose(i / options.video_fps, options.video_s, options.seed);
     const double ev = options.exposure_ev * std::sin(8.0 * i / frames);  // the camera adjusts itself slowly
     const Exposure exposure{ev, options.noise_sigma, Hash(i, 8, options.seed)};
@@ -169,7 +163,7 @@ void TakeTestViews(const CaptureOptions& options, const StillLife& still_life, c
   io::Scene truth;
   truth.cameras = {pinhole};
   for (const io::Rigid3d& pose : TestPoses(options.test_views)) {
-    const fs::path name = fs::path("test") / Numbered("%03d.png", static_cast<int>(truth.frames.size()) + 1);
+    const fs::path name = fs::path("test") / fmt::format("{:03}.png", truth.frames.size() + 1);
     io::WriteImage(folder / "truth" / name, photographer.Take(still_life, {pose}, {}));
     truth.frames.push_back({name, 0, pose});
   }

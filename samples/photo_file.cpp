@@ -1,8 +1,9 @@
 // JPEG through OpenCV, EXIF through Exiv2.
 #include "samples/photo_file.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -16,13 +17,12 @@ namespace {
 constexpr double kCropFactor = 6.0;  // of a small sensor, as in a telephone
 
 Exiv2::ExifData ExifOf(const CameraTags& tags) {
-  char taken[32];
   const int s = tags.taken_after_s;
-  std::snprintf(taken, sizeof taken, "2024:05:04 %02d:%02d:%02d", 10 + s / 3600, s / 60 % 60, s % 60);
   Exiv2::ExifData exif;
   exif["Exif.Image.Make"] = "Sample";
   exif["Exif.Image.Model"] = "Still life camera";
-  exif["Exif.Photo.DateTimeOriginal"] = taken;
+  exif["Exif.Photo.DateTimeOriginal"] =
+      fmt::format("2024:05:04 {:02}:{:02}:{:02}", 10 + s / 3600, s / 60 % 60, s % 60);
   exif["Exif.Photo.ExposureTime"] =
       Exiv2::Rational(static_cast<int>(std::lround(1e6 * tags.exposure_s)), 1000000);
   exif["Exif.Photo.FocalLength"] =

@@ -165,9 +165,7 @@ JsonReader JsonReader::At(std::size_t index) const {
 double JsonReader::Number(double min, double max) const {
   const auto* number = std::get_if<double>(&node_->value);
   if (!number) {
-    Fail(std::holds_alternative<std::nullptr_t>(node_->value)
-             ? "is null where a number belongs (some programs write NaN so)"
-             : "is not a number");
+    Fail(IsNull() ? "is null where a number belongs (some programs write NaN so)" : "is not a number");
   }
   if (!(*number >= min && *number <= max)) {
     Fail(fmt::format("{} is outside {} to {}", Text(*number), Text(min), Text(max)));
@@ -186,6 +184,8 @@ bool JsonReader::Bool() const {
   if (!value) Fail("is neither true nor false");
   return *value;
 }
+
+bool JsonReader::IsNull() const { return std::holds_alternative<std::nullptr_t>(node_->value); }
 
 const std::string& JsonReader::String() const {
   const auto* text = std::get_if<std::string>(&node_->value);

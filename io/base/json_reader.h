@@ -20,7 +20,7 @@ class JsonReader {
   // accepted.
   static JsonReader ReadDocument(const std::filesystem::path& path);
 
-  // All getters throw kBadInput naming file and JSON path.
+  // All getters but IsNull throw kBadInput naming file and JSON path.
   bool Has(const std::string& key) const;
   JsonReader At(const std::string& key) const;
   std::vector<std::string> Keys() const;
@@ -29,6 +29,7 @@ class JsonReader {
   double Number(double min, double max) const;
   int Integer(int min, int max) const;
   bool Bool() const;
+  bool IsNull() const;
   const std::string& String() const;
 
   const std::string& json_path() const { return json_path_; }

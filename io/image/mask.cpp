@@ -1,5 +1,7 @@
 #include "io/image/mask.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -41,9 +43,12 @@ Mask ReadMask(const std::filesystem::path& path, int width, int height) {
   const Image image = ReadImage(path);
   if (image.width != width || image.height != height) {
     throw Error(ExitCode::kBadInput,
-                path.string() + ": the mask is " + std::to_string(image.width) + "x" +
-                    std::to_string(image.height) + ", its picture " + std::to_string(width) + "x" +
-                    std::to_string(height),
+                fmt::format("{}: the mask is {}x{}, its picture {}x{}",
+                            path.string(),
+                            image.width,
+                            image.height,
+                            width,
+                            height),
                 "Give masks the size of their pictures");
   }
   Mask mask = MaskFromImage(image);

@@ -1,8 +1,9 @@
 #include "io/image/photo.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 
 #include "io/base/check.h"
@@ -14,7 +15,7 @@
 namespace io {
 namespace {
 
-// Fisheye to telescope; anything outside is a lying tag (reliability case B16).
+// Fisheye to telescope; a tag that claims anything outside is wrong.
 constexpr double kMinFocalPerSide = 0.1, kMaxFocalPerSide = 10.0;
 
 Image DecodeStored(std::string_view file, PhotoTags* tags, std::vector<std::string>* notes) {
@@ -49,15 +50,14 @@ Image WithoutAlpha(const Image& image) {
 void CheckPhotoSize(double width, double height) {
   if (width < 1 || height < 1 || width > kMaxPhotoSide || height > kMaxPhotoSide ||
       width * height > kMaxPhotoPixels) {
-    char text[128];
-    std::snprintf(text,
-                  sizeof text,
-                  "the header says %.0f x %.0f pixels; the limit is %d a side and %.0f million in all",
-                  width,
-                  height,
-                  kMaxPhotoSide,
-                  kMaxPhotoPixels / 1e6);
-    throw Error(ExitCode::kBadInput, text);
+    throw Error(
+        ExitCode::kBadInput,
+        fmt::format(
+            "the header says {:.0f} x {:.0f} pixels; the limit is {} a side and {:.0f} million in all",
+            width,
+            height,
+            kMaxPhotoSide,
+            kMaxPhotoPixels / 1e6));
   }
 }
 

@@ -1,10 +1,49 @@
 #include "nerf/training/training_curve.h"
 
+#include <algorithm>
+#include <charconv>
 #include <cstdio>
+#include <limits>
+#include <sstream>
 
 #include "io/base/atomic_file.h"
 
 namespace nerf {
+namespace {
+
+std::vector<std::string> Cells(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream in(line);
+  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+  return cells;
+}
+
+}  // namespace
+
+CurveColumns ReadTrainingCurve(const std::filesystem::path& path) {
+  CurveColumns curve;
+  if (!std::filesystem::is_regular_file(path)) return curve;
+  const std::pair<const char*, std::vector<double>*> columns[] = {{"step", &curve.step},
+                                                                  {"wall_s", &curve.wall_s},
+                                                                  {"cpu_s", &curve.cpu_s},
+                                                                  {"loss", &curve.loss},
+                                                                  {"train_psnr", &curve.train_psnr},
+                                                                  {"heldout_psnr", &curve.heldout_psnr}};
+  std::istringstream in(io::ReadFile(path));
+  std::string line;
+  std::getline(in, line);
+  const std::vector<std::string> header = Cells(line);
+  while (std::getline(in, line)) {
+    const std::vector<std::string> row = Cells(line);
+    for (const auto& [name, column] : columns) {
+      const std::size_t i = std::find(header.begin(), header.end(), name) - header.begin();
+      double value = std::numeric_limits<double>::quiet_NaN();
+      if (i < row.size()) std::from_chars(row[i].data(), row[i].data() + row[i].size(), value);
+      column->push_back(value);
+    }
+  }
+  return curve;
+}
 
 TrainingCurve::TrainingCurve(const std::filesystem::path& path)
     : path_(path), text_("step,wall_s,cpu_s,loss,train_psnr,heldout_psnr\n") {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace nerf {
 
@@ -13,6 +14,14 @@ struct CurvePoint {
   double loss = 0, train_psnr = 0,
          heldout_psnr = 0;  // held-out: 8192 fixed random pixels of the held-out pictures
 };
+
+// Columns of the file, row by row; NaN where a cell is empty.
+struct CurveColumns {
+  std::vector<double> step, wall_s, cpu_s, loss, train_psnr, heldout_psnr;
+};
+
+// Columns are found by their names in the first line. Empty when there is no such file.
+CurveColumns ReadTrainingCurve(const std::filesystem::path& path);
 
 class TrainingCurve {
  public:

@@ -42,7 +42,7 @@ TrainingResult ReadTrainingResult(const fs::path& run_folder, const std::string&
   result.peak_rss_bytes = NumberAt(train, "peak_rss_bytes");
   const Json versions = train.value("versions", Json::object());
   result.commit = versions.is_object() ? versions.value("commit", "") : "";
-  result.curve = ReadTrainingCurve(run_folder / "train" / "curve.csv");
+  result.curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
   return result;
 }
 
@@ -56,7 +56,7 @@ double SecondsTo(double psnr_db, const std::vector<double>& seconds, const std::
   return std::numeric_limits<double>::infinity();
 }
 
-double PsnrAt(double wall_s, const TrainingCurve& curve) {
+double PsnrAt(double wall_s, const nerf::CurveColumns& curve) {
   const std::vector<double>& at = curve.wall_s;
   for (std::size_t i = 0; i < at.size(); ++i) {
     if (at[i] == wall_s) return curve.heldout_psnr[i];

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/report/report_data.h"
+#include "nerf/training/training_curve.h"
 
 namespace pipeline {
 
@@ -15,7 +15,7 @@ struct TrainingResult {
   double psnr_db = 0, ssim = 0;  // of the held-out views
   double steps = 0, train_s = 0, samples_per_s = 0, peak_rss_bytes = 0;
   std::string commit;  // of the program that trained
-  TrainingCurve curve;
+  nerf::CurveColumns curve;
 };
 
 // Throws kBadState when the folder lacks the records of `train` and `evaluate`.
@@ -27,7 +27,7 @@ double SecondsTo(double psnr_db, const std::vector<double>& seconds, const std::
 
 // The held-out PSNR after wall_s, linear between the monitored points; NaN before the first, the last one's
 // after it.
-double PsnrAt(double wall_s, const TrainingCurve& curve);
+double PsnrAt(double wall_s, const nerf::CurveColumns& curve);
 
 // Of several seeds.
 struct Spread {

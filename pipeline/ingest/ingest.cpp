@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <iterator>
-#include <nlohmann/json.hpp>
 
-#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "pipeline/ingest/photo_masks.h"
 #include "pipeline/ingest/run_input.h"
@@ -19,7 +17,6 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 // "A:B", both included; either may be missing.
@@ -54,28 +51,6 @@ std::vector<fs::path> MasksOf(const PictureSource& source, const fs::path& folde
                 "Extract them with ffmpeg, and give their folder and the masks");
   }
   return MatchMasks(folder, source.files);
-}
-
-std::string FramesJson(const IngestReport& report) {
-  Json json = {{"kept", Json::array()}, {"dropped", Json::array()}};
-  for (const KeptPicture& picture : report.kept) {
-    Json entry = {{"name", picture.name},
-                  {"source", picture.source},
-                  {"width", picture.width},
-                  {"height", picture.height},
-                  {"sharpness", picture.sharpness},
-                  {"focal_px", nullptr},
-                  {"camera_group", picture.camera_group},
-                  {"notes", picture.notes}};
-    if (picture.focal_px) entry["focal_px"] = *picture.focal_px;
-    if (picture.used_share) entry["mask"] = true;
-    if (picture.time_s) entry["time_s"] = *picture.time_s;
-    json["kept"].push_back(entry);
-  }
-  for (const DroppedPicture& picture : report.dropped) {
-    json["dropped"].push_back({{"source", picture.source}, {"reason", picture.reason}});
-  }
-  return json.dump(1) + "\n";
 }
 
 void Ingest(int argc, const char* const* argv) {
@@ -117,13 +92,15 @@ void Ingest(int argc, const char* const* argv) {
   StageRun stage("ingest", common, options, inputs);
   if (stage.IsUpToDate()) return;
   fs::create_directories(stage.folder() / "images");
+  std::vector<std::string> hashes;
+  for (const fs::path& file : source.files) hashes.push_back(stage.InputHash(file));
   const IngestReport report = source.is_video ? IngestVideo(source.files[0], ingest, stage.folder())
-                                              : IngestPhotos(source, ingest, stage.folder());
-  io::WriteFileAtomically(stage.folder() / "frames.json", FramesJson(report));
+                                              : IngestPhotos(source, hashes, ingest, stage.folder());
+  WriteFrames(stage.folder() / "frames.json", report.frames);
   for (const std::string& line : report.decisions) stage.Decide(line);
   stage.Set("input_kind", std::string(source.is_video ? "video" : "photos"));
-  stage.Set("kept", static_cast<double>(report.kept.size()));
-  stage.Set("dropped", static_cast<double>(report.dropped.size()));
+  stage.Set("kept", static_cast<double>(report.frames.kept.size()));
+  stage.Set("dropped", static_cast<double>(report.frames.dropped.size()));
   stage.Finish();
 }
 

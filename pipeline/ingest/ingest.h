@@ -3,12 +3,12 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "pipeline/ingest/picture_selection.h"
 #include "pipeline/ingest/picture_source.h"
+#include "pipeline/stage/frames.h"
 
 namespace pipeline {
 
@@ -24,28 +24,16 @@ struct IngestOptions {
   SelectionOptions selection;
 };
 
-struct KeptPicture {
-  std::string name;    // file name in images/
-  std::string source;  // printable name of the user's file, or "frame 17"
-  int width = 0, height = 0;
-  double sharpness = 0;              // io::Sharpness
-  std::optional<double> focal_px;    // from EXIF, for width x height
-  std::optional<double> used_share;  // of its pixels, by its mask; nothing without a mask
-  int camera_group = 0;              // pictures with equal numbers come from one camera and setting
-  std::optional<double> time_s;      // in the video
-  std::vector<std::string> notes;
-};
-
 struct IngestReport {
-  std::vector<KeptPicture> kept;
-  std::vector<DroppedPicture> dropped;
+  Frames frames;
   std::vector<std::string> decisions;  // lines for the user
 };
 
 // Write the kept pictures as PNG into folder/images, and the masks of those that have one, under the same
-// name, into folder/masks. Throw kBadInput when the input or a mask is damaged, kNotReconstructible when too
-// little is left.
+// name, into folder/masks. hashes: of each photo's content, in order; equal ones are copies. Throw kBadInput
+// when the input or a mask is damaged, kNotReconstructible when too little is left.
 IngestReport IngestPhotos(const PictureSource& source,
+                          const std::vector<std::string>& hashes,
                           const IngestOptions& options,
                           const std::filesystem::path& folder);
 IngestReport IngestVideo(const std::filesystem::path& video,

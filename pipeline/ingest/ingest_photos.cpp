@@ -1,12 +1,14 @@
 // The photo half of the ingest stage.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <tuple>
 
 #include "io/base/error.h"
-#include "io/base/hash.h"
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
@@ -33,11 +35,12 @@ struct PhotoResult {
   bool is_bad = false;  // dropped because it cannot be decoded
   KeptPicture picture;
   PictureLook look;
+  std::optional<double> used_share;  // of its pixels, by its mask; nothing without a mask
   std::string make, model;
 };
 
-// Decodes and writes one photo and its mask. A file that cannot be decoded is a result, not a failure; a mask
-// that cannot is one, for without it the photo would be used whole.
+// Decodes and writes one photo and its mask. A photo that cannot be decoded is dropped with its reason; a
+// mask that cannot be decoded is an error, for without it the photo would be used whole.
 void IngestPhoto(const fs::path& file,
                  const fs::path& mask_file,
                  int max_side,
@@ -59,7 +62,8 @@ void IngestPhoto(const fs::path& file,
       result->reason = "its mask uses no pixel: white, grey level 128 or more, is used";
       return;
     }
-    result->picture.used_share = static_cast<double>(n_used) / static_cast<double>(mask.used.size());
+    result->used_share = static_cast<double>(n_used) / static_cast<double>(mask.used.size());
+    result->picture.has_mask = true;
     io::WriteMask(folder / "masks" / result->picture.name, mask);
   }
   result->look = {io::Sharpness(photo.image), io::MakeThumbnail(photo.image)};
@@ -74,39 +78,44 @@ void IngestPhoto(const fs::path& file,
 }
 
 // The later ones of files with equal bytes get a reason.
-void FindCopies(const std::vector<fs::path>& files, std::vector<PhotoResult>* results) {
+void FindCopies(const std::vector<std::string>& hashes, std::vector<PhotoResult>* results) {
   std::map<std::string, std::string> first_with;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    io::ThrowIfInterrupted();
+  for (std::size_t i = 0; i < hashes.size(); ++i) {
     PhotoResult& result = (*results)[i];
-    const auto [it, is_new] = first_with.emplace(io::HashFile(files[i]), result.picture.source);
+    const auto [it, is_new] = first_with.emplace(hashes[i], result.picture.source);
     if (!is_new) result.reason = "exact copy of " + it->second;
   }
 }
 
 // Throws when more files are damaged than whole: then the folder as a whole is not what the user thinks.
-void RefuseMostlyBad(const IngestReport& report, std::size_t n_whole, const std::string& folder) {
-  const auto is_bad = [](const DroppedPicture& picture) { return picture.is_bad; };
-  const auto n_bad =
-      static_cast<std::size_t>(std::count_if(report.dropped.begin(), report.dropped.end(), is_bad));
-  if (n_bad <= n_whole) return;
-  const DroppedPicture& first = *std::find_if(report.dropped.begin(), report.dropped.end(), is_bad);
+void RefuseMostlyBad(const std::vector<DroppedPicture>& bad, std::size_t n_whole, const std::string& folder) {
+  if (bad.size() <= n_whole) return;
   throw Error(ExitCode::kBadInput,
-              folder + ": " + std::to_string(n_bad) + " of " + std::to_string(n_bad + n_whole) +
-                  " pictures cannot be used, the first being " + first.source + ": " + first.reason,
+              fmt::format("{}: {} of {} pictures cannot be used, the first being {}: {}",
+                          folder,
+                          bad.size(),
+                          bad.size() + n_whole,
+                          bad[0].source,
+                          bad[0].reason),
               "Copy them again from the camera");
 }
 
-void RefuseTooFew(const IngestReport& report, const std::string& folder) {
-  if (report.kept.size() >= kMinPictures) return;
+void RefuseTooFew(const Frames& frames, const std::string& folder) {
+  if (frames.kept.size() >= kMinPictures) return;
   std::string why;
-  if (!report.dropped.empty()) {
-    why = " (" + std::to_string(report.dropped.size()) + " dropped, the first being " +
-          report.dropped[0].source + ": " + report.dropped[0].reason + ")";
+  if (!frames.dropped.empty()) {
+    why = fmt::format(" ({} dropped, the first being {}: {})",
+                      frames.dropped.size(),
+                      frames.dropped[0].source,
+                      frames.dropped[0].reason);
   }
   throw Error(ExitCode::kNotReconstructible,
-              folder + ": " + std::to_string(report.kept.size()) + " usable picture" +
-                  (report.kept.size() == 1 ? "" : "s") + why + "; a scene needs at least 3",
+              fmt::format("{}: {} usable picture{}{}; a scene needs at least {}",
+                          folder,
+                          frames.kept.size(),
+                          frames.kept.size() == 1 ? "" : "s",
+                          why,
+                          kMinPictures),
               "Take 20 or more from positions around the object, each overlapping the last by half");
 }
 
@@ -143,18 +152,19 @@ void Select(std::vector<PhotoResult>* results,
   for (PhotoResult& result : *results) {
     if (result.reason.empty()) {
       result.picture.camera_group = CameraGroup(result, &groups);
-      report->kept.push_back(std::move(result.picture));
+      report->frames.kept.push_back(std::move(result.picture));
     } else if (!result.is_bad) {
-      report->dropped.push_back({result.picture.source, result.reason});
+      report->frames.dropped.push_back({result.picture.source, result.reason});
     }
   }
   if (groups.size() > 1) {
-    report->decisions.push_back(std::to_string(groups.size()) +
-                                " camera groups: the pictures differ in camera, size or focal length");
+    report->decisions.push_back(
+        fmt::format("{} camera groups: the pictures differ in camera, size or focal length", groups.size()));
   }
 }
 
 std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
+                                   const std::vector<std::string>& hashes,
                                    const IngestOptions& options,
                                    const fs::path& folder) {
   const std::vector<std::string> stems = SafeStems(files);
@@ -163,7 +173,7 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
     results[i].picture.name = stems[i] + ".png";
     results[i].picture.source = PrintableName(files[i].filename().string());
   }
-  FindCopies(files, &results);
+  FindCopies(hashes, &results);
 
   io::Progress progress("reading photos");
   std::mutex progress_mutex;
@@ -181,62 +191,73 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
   return results;
 }
 
-void DescribeMasks(IngestReport* report) {
+void DescribeMasks(const std::vector<PhotoResult>& results, IngestReport* report) {
   std::size_t n_masks = 0;
   double shares = 0;
-  for (const KeptPicture& picture : report->kept) {
-    n_masks += picture.used_share.has_value();
-    shares += picture.used_share.value_or(0);
+  for (const PhotoResult& result : results) {
+    if (!result.reason.empty()) continue;
+    n_masks += result.used_share.has_value();
+    shares += result.used_share.value_or(0);
   }
   const long percent = n_masks > 0 ? std::lround(100 * shares / static_cast<double>(n_masks)) : 0;
-  const bool is_complete = n_masks == report->kept.size();
-  report->decisions.push_back("masks for " + std::to_string(n_masks) + " of " +
-                              std::to_string(report->kept.size()) + " pictures, which use " +
-                              std::to_string(percent) + " % of their pixels" +
-                              (is_complete ? "" : "; the other pictures are used whole"));
+  const bool is_complete = n_masks == report->frames.kept.size();
+  report->decisions.push_back(fmt::format("masks for {} of {} pictures, which use {} % of their pixels{}",
+                                          n_masks,
+                                          report->frames.kept.size(),
+                                          percent,
+                                          is_complete ? "" : "; the other pictures are used whole"));
 }
 
 void DescribeResult(IngestReport* report) {
   std::map<std::string, int> notes;
-  for (const KeptPicture& picture : report->kept) {
+  for (const KeptPicture& picture : report->frames.kept) {
     for (const std::string& note : picture.notes) ++notes[note];
   }
-  const std::size_t n_kept = report->kept.size();
+  const std::size_t n_kept = report->frames.kept.size();
+  const std::vector<DroppedPicture>& dropped = report->frames.dropped;
   for (const auto& [note, n] : notes) {
-    report->decisions.push_back(note + " (" + std::to_string(n) + " of " + std::to_string(n_kept) +
-                                " pictures)");
+    report->decisions.push_back(fmt::format("{} ({} of {} pictures)", note, n, n_kept));
   }
-  for (std::size_t i = 0; i < std::min(kMaxListed, report->dropped.size()); ++i) {
-    report->decisions.push_back("dropped " + report->dropped[i].source + ": " + report->dropped[i].reason);
+  for (std::size_t i = 0; i < std::min(kMaxListed, dropped.size()); ++i) {
+    report->decisions.push_back(fmt::format("dropped {}: {}", dropped[i].source, dropped[i].reason));
   }
-  if (report->dropped.size() > kMaxListed) {
-    report->decisions.push_back("dropped " + std::to_string(report->dropped.size() - kMaxListed) +
-                                " more: see frames.json");
+  if (dropped.size() > kMaxListed) {
+    report->decisions.push_back(fmt::format("dropped {} more: see frames.json", dropped.size() - kMaxListed));
   }
   if (n_kept < kAdvisedPictures) {
-    report->decisions.push_back("only " + std::to_string(n_kept) + " pictures: 20 or more are advised");
+    report->decisions.push_back(
+        fmt::format("only {} pictures: {} or more are advised", n_kept, kAdvisedPictures));
   }
 }
 
 }  // namespace
 
-IngestReport IngestPhotos(const PictureSource& source, const IngestOptions& options, const fs::path& folder) {
+IngestReport IngestPhotos(const PictureSource& source,
+                          const std::vector<std::string>& hashes,
+                          const IngestOptions& options,
+                          const fs::path& folder) {
   const std::vector<fs::path>& files = source.files;
   const fs::path parent = files[0].has_parent_path() ? files[0].parent_path() : ".";
   const std::string name = PrintableName(parent.string());
-  std::vector<PhotoResult> results = DecodeAll(files, options, folder);
+  std::vector<PhotoResult> results = DecodeAll(files, hashes, options, folder);
 
   IngestReport report;
-  report.dropped = source.dropped;
+  std::vector<DroppedPicture> bad;
   std::size_t n_whole = 0;
+  for (const auto& [picture, is_bad] : source.refused) {
+    report.frames.dropped.push_back(picture);
+    if (is_bad) bad.push_back(picture);
+  }
   for (const PhotoResult& result : results) {
     n_whole += !result.is_bad;
-    if (result.is_bad) report.dropped.push_back({result.picture.source, result.reason, true});
+    if (!result.is_bad) continue;
+    bad.push_back({result.picture.source, result.reason});
+    report.frames.dropped.push_back(bad.back());
   }
-  RefuseMostlyBad(report, n_whole, name);
+  RefuseMostlyBad(bad, n_whole, name);
   Select(&results, options.selection, folder, &report);
-  RefuseTooFew(report, name);
-  if (!options.masks.empty()) DescribeMasks(&report);
+  RefuseTooFew(report.frames, name);
+  if (!options.masks.empty()) DescribeMasks(results, &report);
   DescribeResult(&report);
   return report;
 }

@@ -1,6 +1,7 @@
 // The video half of the ingest stage: one pass over small frames to choose, one over the chosen at full size.
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
@@ -19,8 +20,8 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr int kMeasureSide = 640;  // [px] what io::Sharpness looks at
-constexpr double kDark = 8;        // [grey levels] mean of a frame without light
-constexpr double kMinPath = 0.02;  // [picture widths] less is tremor
+constexpr double kDark = 8;        // [grey levels] a frame whose mean is below has no light
+constexpr double kMinPath = 0.02;  // [picture widths] a shorter path is a tremor of the hand
 constexpr double kCompleteShare =
     0.98;                              // of the frames that the container promises, which may be an estimate
 constexpr std::size_t kMinFrames = 3;  // two views fix no scene and leave none to check with
@@ -60,8 +61,10 @@ VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
 void RefuseUnusable(const VideoMeasure& measure, const IngestOptions& options, const std::string& name) {
   if (measure.path.empty()) {
     throw Error(ExitCode::kBadInput,
-                name + ": " + std::to_string(measure.n_decoded) + " frames can be decoded, none from frame " +
-                    std::to_string(options.first_frame) + " on",
+                fmt::format("{}: {} frames can be decoded, none from frame {} on",
+                            name,
+                            measure.n_decoded,
+                            options.first_frame),
                 "Check that the video plays, and --frames");
   }
   if (measure.brightest < kDark) {
@@ -76,12 +79,12 @@ void RefuseUnusable(const VideoMeasure& measure, const IngestOptions& options, c
 }
 
 // Decodes again and writes the frames whose verdict is "kept".
-void WriteFrames(const fs::path& video,
-                 const IngestOptions& options,
-                 const std::vector<FrameVerdict>& verdicts,
-                 const VideoMeasure& measure,
-                 const fs::path& folder,
-                 IngestReport* report) {
+void WriteKeptFrames(const fs::path& video,
+                     const IngestOptions& options,
+                     const std::vector<FrameVerdict>& verdicts,
+                     const VideoMeasure& measure,
+                     const fs::path& folder,
+                     Frames* frames) {
   io::VideoReader reader(video);
   io::VideoFrame frame;
   io::Progress progress("writing frames");
@@ -92,16 +95,16 @@ void WriteFrames(const fs::path& video,
     const auto i = static_cast<std::size_t>(std::max(0, index - options.first_frame));
     const bool kept = index >= options.first_frame && verdicts[i].kept;
     if (!(kept ? reader.Read(options.max_side, &frame) : reader.Skip())) {
-      throw Error(ExitCode::kBadInput,
-                  PrintableName(video.string()) + ": frame " + std::to_string(index) +
-                      " could be decoded before and cannot now",
-                  "Run again when the file no longer changes");
+      throw Error(
+          ExitCode::kBadInput,
+          fmt::format(
+              "{}: frame {} could be decoded before and cannot now", PrintableName(video.string()), index),
+          "Run again when the file no longer changes");
     }
     const std::string source = "frame " + std::to_string(index);
-    if (index >= options.first_frame && !kept) report->dropped.push_back({source, verdicts[i].reason});
+    if (index >= options.first_frame && !kept) frames->dropped.push_back({source, verdicts[i].reason});
     if (!kept) continue;
-    char name[32];
-    std::snprintf(name, sizeof name, "frame_%06d.png", index);
+    const std::string name = fmt::format("frame_{:06}.png", index);
     io::WriteImage(folder / "images" / name, frame.image);
     KeptPicture picture;
     picture.name = name;
@@ -110,14 +113,8 @@ void WriteFrames(const fs::path& video,
     picture.height = frame.image.height;
     picture.sharpness = measure.sharpness[i];
     picture.time_s = measure.time_s[i];
-    report->kept.push_back(picture);
+    frames->kept.push_back(picture);
   }
-}
-
-std::string Line(const char* format, double a, double b, double c) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, a, b, c);
-  return text;
 }
 
 }  // namespace
@@ -131,31 +128,32 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
   report.decisions = reader.info().notes;
   const int promised = reader.info().container_frames;
   if (measure.reached_end && measure.n_decoded < kCompleteShare * promised) {
-    const std::string incomplete = "incomplete file: " + std::to_string(measure.n_decoded) + " of " +
-                                   std::to_string(promised) + " frames could be decoded";
+    const std::string incomplete =
+        fmt::format("incomplete file: {} of {} frames could be decoded", measure.n_decoded, promised);
     report.decisions.push_back(incomplete);
     name += " (" + incomplete + ")";
   }
   RefuseUnusable(measure, options, name);
   const std::vector<FrameVerdict> verdicts =
       JudgeFrames(measure.path, measure.sharpness, options.first_frame, options.selection);
-  WriteFrames(video, options, verdicts, measure, folder, &report);
-  const auto n_kept = static_cast<double>(report.kept.size());
-  report.decisions.push_back(Line(
-      "%.0f of %.0f frames kept: the picture moved by %.1f of its widths, and the sharpest frame of each "
-      "equal step stays",
-      n_kept,
-      static_cast<double>(verdicts.size()),
-      measure.path.back()));
-  for (const DroppedPicture& picture : report.dropped) {
+  WriteKeptFrames(video, options, verdicts, measure, folder, &report.frames);
+  report.decisions.push_back(
+      fmt::format("{} of {} frames kept: the picture moved by {:.1f} of its widths, and the sharpest frame "
+                  "of each equal step "
+                  "stays",
+                  report.frames.kept.size(),
+                  verdicts.size(),
+                  measure.path.back()));
+  for (const DroppedPicture& picture : report.frames.dropped) {
     if (picture.reason.rfind("blurred", 0) == 0) {
       report.decisions.push_back("dropped " + picture.source + ": " + picture.reason);
     }
   }
-  if (report.kept.size() < kMinFrames) {
-    throw Error(ExitCode::kNotReconstructible,
-                name + ": almost no motion, " + std::to_string(report.kept.size()) + " different views in it",
-                "Walk around the object while filming");
+  if (report.frames.kept.size() < kMinFrames) {
+    throw Error(
+        ExitCode::kNotReconstructible,
+        fmt::format("{}: almost no motion, {} different views in it", name, report.frames.kept.size()),
+        "Walk around the object while filming");
   }
   return report;
 }

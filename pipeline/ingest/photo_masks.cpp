@@ -1,5 +1,7 @@
 #include "pipeline/ingest/photo_masks.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <map>
@@ -20,8 +22,8 @@ std::map<std::string, fs::path> ListMasks(const fs::path& folder) {
   const std::string name = PrintableName(folder.string());
   const PictureSource source = FindPictures(folder);
   if (source.is_video) throw Error(ExitCode::kBadInput, name + ": holds a video, not masks");
-  for (const DroppedPicture& picture : source.dropped) {
-    if (picture.is_bad)
+  for (const auto& [picture, is_bad] : source.refused) {
+    if (is_bad)
       throw Error(ExitCode::kBadInput, name + "/" + picture.source + ": " + picture.reason, "Make it anew");
   }
   std::map<std::string, fs::path> masks;
@@ -29,8 +31,10 @@ std::map<std::string, fs::path> ListMasks(const fs::path& folder) {
     const auto [it, is_new] = masks.emplace(file.stem().string(), file);
     if (!is_new) {
       throw Error(ExitCode::kBadInput,
-                  name + ": " + PrintableName(it->second.filename().string()) + " and " +
-                      PrintableName(file.filename().string()) + " are masks of the same photo",
+                  fmt::format("{}: {} and {} are masks of the same photo",
+                              name,
+                              PrintableName(it->second.filename().string()),
+                              PrintableName(file.filename().string())),
                   "Keep one of them");
     }
   }
@@ -58,9 +62,10 @@ std::vector<fs::path> MatchMasks(const fs::path& folder, const std::vector<fs::p
   }
   if (std::all_of(matched.begin(), matched.end(), [](const fs::path& path) { return path.empty(); })) {
     throw Error(ExitCode::kBadInput,
-                name + ": none of its " + std::to_string(masks.size()) + " pictures is named as a photo",
-                "The mask of " + PrintableName(photos[0].filename().string()) + " is " +
-                    PrintableName(photos[0].stem().string()) + ".png");
+                fmt::format("{}: none of its {} pictures is named as a photo", name, masks.size()),
+                fmt::format("The mask of {} is {}.png",
+                            PrintableName(photos[0].filename().string()),
+                            PrintableName(photos[0].stem().string())));
   }
   return matched;
 }
@@ -79,9 +84,12 @@ io::Mask ReadPhotoMask(const fs::path& path, const io::Photo& photo) {
     image = io::ApplyOrientation(image, photo.orientation);
   if (image.width != photo.full_width || image.height != photo.full_height) {
     throw Error(ExitCode::kBadInput,
-                name + ": the mask is " + std::to_string(image.width) + "x" + std::to_string(image.height) +
-                    ", its photo " + std::to_string(photo.full_width) + "x" +
-                    std::to_string(photo.full_height),
+                fmt::format("{}: the mask is {}x{}, its photo {}x{}",
+                            name,
+                            image.width,
+                            image.height,
+                            photo.full_width,
+                            photo.full_height),
                 "Give masks the size of their photos");
   }
   return io::ShrinkMask(io::MaskFromImage(image), photo.image.width, photo.image.height);

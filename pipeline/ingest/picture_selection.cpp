@@ -1,8 +1,9 @@
 #include "pipeline/ingest/picture_selection.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 
 #include "io/base/check.h"
@@ -14,7 +15,7 @@ namespace {
 constexpr std::size_t kNeighbours = 15;  // a median over it survives a run of seven blurred pictures
 constexpr std::size_t kMinSet = 5;       // below, there is no typical sharpness
 
-// sharpness[i] relative to the median of the window around it, which stays whole at both ends.
+// sharpness[i] relative to the median of the window around it; at both ends the window is shifted, not cut.
 std::vector<double> RelativeSharpness(std::span<const double> sharpness) {
   const std::size_t n = sharpness.size(), window = std::min(n, kNeighbours);
   std::vector<double> relative(n);
@@ -28,9 +29,7 @@ std::vector<double> RelativeSharpness(std::span<const double> sharpness) {
 }
 
 std::string BlurReason(double relative) {
-  char text[80];
-  std::snprintf(text, sizeof text, "blurred: %.2f times as sharp as its neighbours", relative);
-  return text;
+  return fmt::format("blurred: {:.2f} times as sharp as its neighbours", relative);
 }
 
 }  // namespace
@@ -99,8 +98,8 @@ std::vector<FrameVerdict> JudgeFrames(std::span<const double> path,
       if (sharpness[end] > sharpness[best]) best = end;
     }
     for (std::size_t i = begin; i < end; ++i) {
-      verdicts[i].reason = "frame " + std::to_string(first_index + static_cast<int>(best)) +
-                           " shows nearly the same and is sharper";
+      verdicts[i].reason =
+          fmt::format("frame {} shows nearly the same and is sharper", first_index + static_cast<int>(best));
     }
     chosen.push_back(best);
   }

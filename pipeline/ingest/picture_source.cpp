@@ -1,6 +1,7 @@
 #include "pipeline/ingest/picture_source.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <glob.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,7 +10,6 @@
 #include <array>
 #include <cctype>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <set>
 
@@ -165,7 +165,7 @@ PictureSource Classify(std::vector<fs::path> paths, const fs::path& input) {
                    ? "its content is not a picture"
                    : std::string(io::MediaTypeName(type)) + ": convert it to PNG or JPEG";
     }
-    source.dropped.push_back({PrintableName(path.filename().string()), reason, is_bad});
+    source.refused.push_back({{PrintableName(path.filename().string()), reason}, is_bad});
   }
   if (source.files.empty() && videos.size() == 1) {
     source.is_video = true;
@@ -173,14 +173,13 @@ PictureSource Classify(std::vector<fs::path> paths, const fs::path& input) {
     return source;
   }
   if (source.files.empty() && videos.size() > 1) {
-    throw Error(
-        ExitCode::kBadInput,
-        PrintableName(input.string()) + ": holds " + std::to_string(videos.size()) + " videos and no photo",
-        "Give one of the videos by name");
+    throw Error(ExitCode::kBadInput,
+                fmt::format("{}: holds {} videos and no photo", PrintableName(input.string()), videos.size()),
+                "Give one of the videos by name");
   }
   for (const fs::path& video : videos) {
-    source.dropped.push_back(
-        {PrintableName(video.filename().string()), "a video among photos. Give it by itself"});
+    source.refused.push_back(
+        {{PrintableName(video.filename().string()), "a video among photos. Give it by itself"}, false});
   }
   return source;
 }
@@ -199,7 +198,7 @@ PictureSource FindPictures(const fs::path& input) {
                                              : std::string(io::MediaTypeName(type)) + " is not read";
     }
     if (!obstacle.empty()) throw Error(ExitCode::kBadInput, name + ": " + obstacle, WhatIsAccepted());
-    return {.is_video = io::IsVideo(type), .files = {input}, .dropped = {}};
+    return {.is_video = io::IsVideo(type), .files = {input}, .refused = {}};
   }
   const bool is_folder = fs::is_directory(status);
   const bool is_pattern = !is_folder && input.string().find_first_of("*?[") != std::string::npos;
@@ -211,11 +210,12 @@ PictureSource FindPictures(const fs::path& input) {
   }
   PictureSource source = Classify(is_folder ? ListFolder(input) : ListPattern(input), input);
   if (source.files.empty()) {
-    std::string found = source.dropped.empty() ? "nothing in it" : "no usable picture in it";
-    for (std::size_t i = 0; i < std::min<std::size_t>(3, source.dropped.size()); ++i) {
-      found += (i == 0 ? " (" : "; ") + source.dropped[i].source + ": " + source.dropped[i].reason;
+    std::string found = source.refused.empty() ? "nothing in it" : "no usable picture in it";
+    for (std::size_t i = 0; i < std::min<std::size_t>(3, source.refused.size()); ++i) {
+      const DroppedPicture& picture = source.refused[i].picture;
+      found += (i == 0 ? " (" : "; ") + picture.source + ": " + picture.reason;
     }
-    if (!source.dropped.empty()) found += source.dropped.size() > 3 ? "; ...)" : ")";
+    if (!source.refused.empty()) found += source.refused.size() > 3 ? "; ...)" : ")";
     throw Error(ExitCode::kBadInput, name + ": " + found, WhatIsAccepted());
   }
   return source;
@@ -259,9 +259,7 @@ std::string PrintableName(const std::string& name) {
       printable += name.substr(i, length);
       i += length;
     } else {
-      char text[8];
-      std::snprintf(text, sizeof text, "\\x%02x", first);
-      printable += text;
+      printable += fmt::format("\\x{:02x}", first);
       ++i;
     }
   }
@@ -278,7 +276,7 @@ std::vector<std::string> SafeStems(const std::vector<fs::path>& files) {
     }
     if (stem[0] == '-' || stem[0] == '.') stem[0] = '_';  // neither an option nor a hidden file
     std::string unique = stem;
-    for (int n = 2; !used.insert(Lower(unique)).second; ++n) unique = stem + "_" + std::to_string(n);
+    for (int n = 2; !used.insert(Lower(unique)).second; ++n) unique = fmt::format("{}_{}", stem, n);
     stems.push_back(unique);
   }
   return stems;

@@ -6,18 +6,19 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/stage/frames.h"
+
 namespace pipeline {
 
-struct DroppedPicture {
-  std::string source;  // printable name, or "frame 17"
-  std::string reason;
+struct RefusedFile {
+  DroppedPicture picture;
   bool is_bad = false;  // it claimed to be a picture and cannot be used
 };
 
 struct PictureSource {
   bool is_video = false;                     // then `files` holds the video alone
   std::vector<std::filesystem::path> files;  // regular files that start as a picture does; natural order
-  std::vector<DroppedPicture> dropped;       // everything else that was found
+  std::vector<RefusedFile> refused;          // everything else that was found
 };
 
 // input: a folder (its own files only), a pattern (*, ?, [...]) or a file. Throws kBadInput when there is

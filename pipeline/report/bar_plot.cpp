@@ -1,10 +1,11 @@
 #include "pipeline/report/bar_plot.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 
-#include "io/base/format.h"
 #include "pipeline/report/plot_svg.h"
 
 namespace pipeline {
@@ -16,7 +17,7 @@ constexpr double kBar = 9, kGap = 6;  // height of a bar, and space between grou
 constexpr const char* kColors[] = {"#9aa5b1", "#208050", "#d07020", "#2868c0", "#a03080", "#c03030"};
 
 std::string Text(double x, double y, const char* anchor, const char* color, const std::string& text) {
-  return io::Format("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">", x, y, anchor, color) +
+  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" fill=\"{}\">", x, y, anchor, color) +
          EscapeHtml(text) + "</text>";
 }
 
@@ -48,20 +49,21 @@ std::string BarPlotSvg(const BarPlot& plot) {
       const double value = group.values[k];
       if (!std::isfinite(value) || value < 0) continue;
       const double width = value / longest * (kWidth - kLeft - kRight);
-      bars += io::Format("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"%s\"/>",
-                         kLeft,
-                         y,
-                         width,
-                         kBar - 1,
-                         kColors[k % std::size(kColors)]);
-      bars += Text(kLeft + width + 3, y + kBar - 2, "start", "#777", io::Format("%.0f", value));
+      bars += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\"/>",
+                          kLeft,
+                          y,
+                          width,
+                          kBar - 1,
+                          kColors[k % std::size(kColors)]);
+      bars += Text(kLeft + width + 3, y + kBar - 2, "start", "#777", fmt::format("{:.0f}", value));
     }
     y += kGap;
   }
-  return io::Format("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\">",
-                    kWidth,
-                    y + kGap,
-                    kWidth) +
+  return fmt::format(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0f} {:.0f}\" width=\"{:.0f}\">",
+             kWidth,
+             y + kGap,
+             kWidth) +
          "<style>text{font:11px sans-serif}</style><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>" +
          Text(kLeft, 16, "start", "#333", plot.title) + Legend(plot.series) + bars + "</svg>\n";
 }

@@ -1,8 +1,9 @@
 #include "pipeline/report/plot_svg.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <limits>
 
@@ -26,17 +27,9 @@ struct Range {
   double Share(double v) const { return max > min ? (v - min) / (max - min) : 0.5; }
 };
 
-std::string Number(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", v);
-  return text;
-}
+std::string Number(double v) { return fmt::format("{:.4g}", v); }
 
-std::string Position(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", v);
-  return text;
-}
+std::string Position(double v) { return fmt::format("{:.1f}", v); }
 
 // 1, 2 or 5 times a power of ten, so that about kTicks steps fill the range.
 double TickStep(const Range& range) {
@@ -77,8 +70,8 @@ std::vector<double> LogTicks(const Range& range) {
 
 std::string Text(
     double x, double y, const char* anchor, const std::string& text, const std::string& more = "") {
-  return "<text x=\"" + Position(x) + "\" y=\"" + Position(y) + "\" text-anchor=\"" + anchor + "\"" + more +
-         ">" + EscapeHtml(text) + "</text>";
+  return fmt::format(
+      "<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\"{}>{}</text>", x, y, anchor, more, EscapeHtml(text));
 }
 
 // Beside the dot, on the side where there is room.
@@ -155,7 +148,7 @@ std::string PlotSvg(const std::vector<PlotSeries>& series, const PlotOptions& op
 
   double legend_x = kWidth - kRight;
   for (std::size_t k = series.size(); k-- > 0;) {
-    const std::string color = " class=\"series-" + std::to_string(k) + "\"";
+    const std::string color = fmt::format(" class=\"series-{}\"", k);
     std::string points, dots;
     for (std::size_t i = 0; i < series[k].x.size(); ++i) {
       const double x = series[k].x[i], y = series[k].y[i];
@@ -182,7 +175,7 @@ std::string StandaloneSvg(const std::vector<std::string>& plots) {
                     "polyline{fill:none;stroke-width:2}";
   const char* const colors[] = {"#2868c0", "#d07020", "#208050", "#a03080", "#707020", "#c03030"};
   for (std::size_t k = 0; k < std::size(colors); ++k) {
-    const std::string name = ".series-" + std::to_string(k), color = colors[k];
+    const std::string name = fmt::format(".series-{}", k), color = colors[k];
     svg +=
         "polyline" + name + "{stroke:" + color + "}circle" + name + ",text" + name + "{fill:" + color + "}";
   }

@@ -1,17 +1,17 @@
 #include "pipeline/report/report_data.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "pipeline/stage/frames.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
+#include "pipeline/stages/scene_record.h"
 
 namespace pipeline {
 namespace {
@@ -108,26 +108,22 @@ void GatherStages(const fs::path& run_folder, const Json& run, ReportData* data)
 }
 
 void GatherPictures(const fs::path& run_folder, ReportData* data) {
-  const Json frames = ReadObject(run_folder / "ingest" / "frames.json");
-  data->has_ingest = !frames.empty();
-  for (const Json& kept : ObjectsAt(frames, "kept")) {
+  const fs::path frames_path = run_folder / "ingest" / "frames.json";
+  data->has_ingest = fs::is_regular_file(frames_path);
+  const Frames frames = data->has_ingest ? ReadFrames(frames_path) : Frames();
+  for (const KeptPicture& kept : frames.kept) {
     std::string notes;
-    if (kept.contains("notes") && kept["notes"].is_array()) {
-      for (const Json& note : kept["notes"]) {
-        if (note.is_string()) notes += (notes.empty() ? "" : "; ") + note.get<std::string>();
-      }
-    }
-    data->kept_pictures.push_back({TextAt(kept, "name"), notes});
+    for (const std::string& note : kept.notes) notes += (notes.empty() ? "" : "; ") + note;
+    data->kept_pictures.push_back({kept.name, notes});
   }
-  for (const Json& dropped : ObjectsAt(frames, "dropped")) {
-    data->dropped_pictures.push_back({TextAt(dropped, "source"), TextAt(dropped, "reason")});
-  }
+  for (const DroppedPicture& dropped : frames.dropped)
+    data->dropped_pictures.push_back({dropped.source, dropped.reason});
   data->kept = static_cast<int>(data->kept_pictures.size());
   data->dropped = static_cast<int>(data->dropped_pictures.size());
 
-  const Json scene = ParseObject(ReadStageRecord(run_folder, "normalize"));
-  data->masks = static_cast<int>(NumberAt(scene, "masks"));
-  data->used_share = NumberAt(scene, "used_share");
+  const SceneRecord scene = ReadSceneRecord(run_folder);
+  data->masks = scene.masks;
+  data->used_share = scene.used_share;
 
   const Json sfm = ParseObject(ReadStageRecord(run_folder, "sfm"));
   data->has_sfm = sfm.contains("registered");
@@ -143,78 +139,29 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
     return NumberAt(a, "rotation_sigma_deg") > NumberAt(b, "rotation_sigma_deg");
   });
   for (const Json& pose : poses) {
-    char text[100];
-    std::snprintf(text,
-                  sizeof text,
-                  "rotation +- %.4f degrees, centre +- %.3f %% of the cameras' extent",
-                  NumberAt(pose, "rotation_sigma_deg"),
-                  100 * NumberAt(pose, "centre_sigma_share"));
-    data->pose_uncertainties.push_back({TextAt(pose, "name"), text});
+    data->pose_uncertainties.push_back(
+        {TextAt(pose, "name"),
+         fmt::format("rotation +- {:.4f} degrees, centre +- {:.3f} % of the cameras' extent",
+                     NumberAt(pose, "rotation_sigma_deg"),
+                     100 * NumberAt(pose, "centre_sigma_share"))});
   }
 }
 
-// Reads the columns by the names of the header line.
 void GatherScores(const fs::path& run_folder, ReportData* data) {
-  const Json metrics = ReadObject(run_folder / "evaluate" / "metrics.json");
-  data->has_scores = metrics.contains("psnr");
-  data->protocol = TextAt(metrics, "protocol");
-  data->psnr_db = NumberAt(metrics, "psnr");
-  data->ssim = NumberAt(metrics, "ssim");
-  data->flip = NumberAt(metrics, "flip");
-  for (const Json& view : ObjectsAt(metrics, "images")) {
-    data->views.push_back(
-        {TextAt(view, "name"), NumberAt(view, "psnr"), NumberAt(view, "ssim"), NumberAt(view, "flip"), ""});
-  }
-  std::stable_sort(data->views.begin(), data->views.end(), [](const ViewFigures& a, const ViewFigures& b) {
-    return a.psnr_db < b.psnr_db;
-  });
-  std::vector<fs::path> strips;
-  const fs::path folder = run_folder / "evaluate" / "compare";
-  if (fs::is_directory(folder)) {
-    for (const auto& entry : fs::directory_iterator(folder)) strips.push_back(entry.path());
-  }
-  std::sort(strips.begin(), strips.end());
-  for (const fs::path& strip : strips) {
-    const std::string stem = strip.stem().string(),
-                      name = stem.substr(std::min(stem.size(), stem.find('_') + 1));
-    for (ViewFigures& view : data->views) {
-      if (fs::path(view.name).stem() == name) view.strip = strip;
-    }
+  data->has_scores = fs::is_regular_file(run_folder / "evaluate" / "metrics.json");
+  if (!data->has_scores) return;
+  data->scores = ReadScores(run_folder / "evaluate");
+  const int n_views = static_cast<int>(data->scores.views.size());
+  for (const int view : data->scores.WorstFirst()) {
+    const ViewScore& score = data->scores.views[view];
+    const int rank = static_cast<int>(data->views.size()) + 1;
+    const Comparison pictures = ComparisonPaths(run_folder / "evaluate", rank, n_views, score.name);
+    data->views.push_back({.score = score});
+    if (fs::is_regular_file(pictures.photo)) data->views.back().pictures = pictures;
   }
 }
 
 }  // namespace
-
-TrainingCurve ReadTrainingCurve(const fs::path& csv) {
-  TrainingCurve curve;
-  if (!fs::is_regular_file(csv)) return curve;
-  const std::pair<const char*, std::vector<double>*> columns[] = {{"step", &curve.step},
-                                                                  {"wall_s", &curve.wall_s},
-                                                                  {"cpu_s", &curve.cpu_s},
-                                                                  {"loss", &curve.loss},
-                                                                  {"train_psnr", &curve.train_psnr},
-                                                                  {"heldout_psnr", &curve.heldout_psnr}};
-  const auto cells = [](const std::string& line) {
-    std::vector<std::string> result;
-    std::istringstream in(line);
-    for (std::string cell; std::getline(in, cell, ',');) result.push_back(cell);
-    return result;
-  };
-  std::istringstream in(io::ReadFile(csv));
-  std::string line;
-  std::getline(in, line);
-  const std::vector<std::string> header = cells(line);
-  while (std::getline(in, line)) {
-    const std::vector<std::string> row = cells(line);
-    for (const auto& [name, column] : columns) {
-      const std::size_t i = std::find(header.begin(), header.end(), name) - header.begin();
-      double value = std::numeric_limits<double>::quiet_NaN();
-      if (i < row.size()) std::from_chars(row[i].data(), row[i].data() + row[i].size(), value);
-      column->push_back(value);
-    }
-  }
-  return curve;
-}
 
 ReportData GatherReport(const fs::path& run_folder) {
   ReportData data;
@@ -226,8 +173,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   }
   if (run.contains("host")) {
     const Json& host = run["host"];
-    data.host =
-        TextAt(host, "name") + ", " + std::to_string(static_cast<int>(NumberAt(host, "cores"))) + " cores";
+    data.host = fmt::format("{}, {:.0f} cores", TextAt(host, "name"), NumberAt(host, "cores"));
   }
   if (run.contains("versions") && run["versions"].is_object()) {
     for (const auto& [name, version] : run["versions"].items()) {
@@ -250,7 +196,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   data.train_s = NumberAt(train, "train_s");
   data.train_steps = NumberAt(train, "steps");
   data.train_parameters = NumberAt(train, "parameters");
-  data.curve = ReadTrainingCurve(run_folder / "train" / "curve.csv");
+  data.curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
   GatherScores(run_folder, &data);
 
   const Json render = ParseObject(ReadStageRecord(run_folder, "render"));

@@ -3,8 +3,13 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "nerf/training/training_curve.h"
+#include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/scores.h"
 
 namespace pipeline {
 
@@ -21,18 +26,10 @@ struct NamedText {
   std::string name, text;
 };
 
-struct ViewFigures {
-  std::string name;
-  double psnr_db = 0, ssim = 0, flip = 0;
-  std::filesystem::path strip;  // compare/<rank>_<stem>.png; empty when none was written
+struct ComparedView {
+  ViewScore score;
+  std::optional<Comparison> pictures;  // nothing when none were written
 };
-
-// Columns of train/curve.csv; NaN where a cell is empty.
-struct TrainingCurve {
-  std::vector<double> step, wall_s, cpu_s, loss, train_psnr, heldout_psnr;
-};
-// Empty when there is no such file.
-TrainingCurve ReadTrainingCurve(const std::filesystem::path& csv);
 
 struct ReportData {
   std::string name;         // of the input, or of the run folder where that is unknown
@@ -54,11 +51,10 @@ struct ReportData {
 
   double train_s = 0, train_steps = 0, train_parameters = 0;
   std::string field;
-  TrainingCurve curve;
+  nerf::CurveColumns curve;
 
-  std::string protocol;
-  double psnr_db = 0, ssim = 0, flip = 0;
-  std::vector<ViewFigures> views;  // worst PSNR first
+  Scores scores;
+  std::vector<ComparedView> views;  // worst PSNR first
 
   std::filesystem::path film, depth_film;  // empty when missing
   int film_frames = 0;
@@ -66,7 +62,7 @@ struct ReportData {
   std::string scene_json;  // cameras, points and film path for the plot; empty when there is no scene
 };
 
-// Throws kBadInput when the folder holds no finished stage.
+// Throws kBadInput when the folder holds no finished stage or a file in it is damaged.
 ReportData GatherReport(const std::filesystem::path& run_folder);
 
 // {"points": [x, y, z, r, g, b, ...], "train": [[centre, four corners], ...], "test": ..., "path": [x, y, z,

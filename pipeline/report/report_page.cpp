@@ -1,10 +1,11 @@
 #include "pipeline/report/report_page.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
 
 #include "io/base/atomic_file.h"
-#include "io/base/format.h"
 #include "io/base/progress.h"
 #include "io/image/image.h"
 #include "pipeline/report/plot_svg.h"
@@ -13,12 +14,10 @@
 namespace pipeline {
 namespace {
 
-using io::Format;
-
 // Three stand beside one another on a wide screen; more pixels only make the file larger.
 constexpr int kMaxPictureWidth = 480;
-constexpr std::size_t kOpenStrips = 4;  // the others are folded away
-constexpr std::size_t kPlainRows = 12;  // longer lists are folded away
+constexpr std::size_t kOpenFigures = 4;  // the others are folded away
+constexpr std::size_t kPlainRows = 12;   // longer lists are folded away
 
 std::string Base64(const std::string& bytes) {
   static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -38,7 +37,7 @@ std::string Base64(const std::string& bytes) {
 
 std::string Soft(const std::string& text) { return "<p class=\"soft\">" + EscapeHtml(text) + "</p>\n"; }
 
-std::string Megabytes(double bytes) { return Format("%.0f MB", bytes / 1e6); }
+std::string Megabytes(double bytes) { return fmt::format("{:.0f} MB", bytes / 1e6); }
 
 std::string Card(const std::string& figure, const std::string& label) {
   return "<div class=\"card\"><b>" + EscapeHtml(figure) + "</b><span class=\"label\">" + EscapeHtml(label) +
@@ -48,13 +47,15 @@ std::string Card(const std::string& figure, const std::string& label) {
 std::string Headlines(const ReportData& data) {
   std::string html = "<div class=\"cards\">\n";
   if (data.has_ingest) {
-    html += Card(Format("%d", data.kept), Format("pictures kept, %d dropped", data.dropped));
+    html += Card(fmt::format("{}", data.kept), fmt::format("pictures kept, {} dropped", data.dropped));
   }
-  if (data.has_sfm) html += Card(Format("%d of %d", data.registered, data.images), "pictures registered");
+  if (data.has_sfm)
+    html += Card(fmt::format("{} of {}", data.registered, data.images), "pictures registered");
   if (data.has_scores) {
-    html += Card(Format("%.2f dB", data.psnr_db), "PSNR on unseen views, " + data.protocol);
-    html += Card(Format("%.3f", data.ssim), "SSIM, 1 is perfect");
-    html += Card(Format("%.3f", data.flip), "FLIP, 0 is perfect");
+    html +=
+        Card(fmt::format("{:.2f} dB", data.scores.psnr_db), "PSNR on unseen views, " + data.scores.protocol);
+    html += Card(fmt::format("{:.3f}", data.scores.ssim), "SSIM, 1 is perfect");
+    html += Card(fmt::format("{:.3f}", data.scores.flip), "FLIP, 0 is perfect");
   }
   if (data.train_s > 0) html += Card(io::FormatDuration(data.train_s), "training");
   html += Card(io::FormatDuration(data.total_wall_s), "in all");
@@ -71,7 +72,7 @@ std::string FilmSection(const ReportData& data) {
   if (data.film.empty()) return html + Soft("No film: the stage render has not finished.");
   html += VideoElement(data.film, "autoplay");
   if (data.film_ms_per_frame > 0) {
-    html += Soft(Format("%d frames, %.0f ms each.", data.film_frames, data.film_ms_per_frame));
+    html += Soft(fmt::format("{} frames, {:.0f} ms each.", data.film_frames, data.film_ms_per_frame));
   }
   if (!data.depth_film.empty()) {
     html += "<h3>Depth</h3>\n" + VideoElement(data.depth_film, "") + Soft("Near is blue, far is red.");
@@ -79,57 +80,53 @@ std::string FilmSection(const ReportData& data) {
   return html;
 }
 
-// One picture of a strip as a JPEG inside the page.
-std::string StripPicture(const io::Image& strip, int left, int width, const std::string& what) {
-  io::Image picture = io::MakeImage(width, strip.height, 3);
-  for (int y = 0; y < strip.height; ++y) std::copy_n(strip.Pixel(left, y), 3 * width, picture.Pixel(0, y));
-  const int shown = std::min(width, kMaxPictureWidth);
-  const int height = std::max(1, static_cast<int>(static_cast<double>(strip.height) * shown / width + 0.5));
-  const std::vector<std::uint8_t> jpeg = io::EncodeImage(io::ResizeArea(picture, shown, height), ".jpg");
+// A picture as a JPEG inside the page.
+std::string PictureElement(const std::filesystem::path& path, const std::string& what) {
+  const io::Image picture = io::ReadImage(path);
+  const int width = std::min(picture.width, kMaxPictureWidth);
+  const double height = static_cast<double>(picture.height) * width / picture.width;
+  const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(height + 0.5)));
+  const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
   return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
          Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
 }
 
-std::string StripFigure(const ViewFigures& view, std::size_t rank) {
-  const io::Image strip = io::ReadImage(view.strip);
-  const int width = (strip.width - 2 * kStripGap) / 3;
-  std::string html = "<figure><div class=\"columns\">";
-  int left = 0;
-  for (const char* what : {"truth", "render", "error"}) {
-    html += StripPicture(strip, left, width, what);
-    left += width + kStripGap;
-  }
-  return html + "</div><figcaption><span>" + Format("%zu. ", rank) + EscapeHtml(view.name) +
-         "</span><span><b>" + Format("%.2f dB", view.psnr_db) + "</b> " +
-         Format("SSIM %.3f, FLIP %.3f", view.ssim, view.flip) + "</span></figcaption></figure>\n";
+std::string ComparisonFigure(const ComparedView& view, std::size_t rank) {
+  return "<figure><div class=\"columns\">" + PictureElement(view.pictures->photo, "truth") +
+         PictureElement(view.pictures->render, "render") + PictureElement(view.pictures->error, "error") +
+         "</div><figcaption><span>" + fmt::format("{}. ", rank) + EscapeHtml(view.score.name) +
+         "</span><span><b>" + fmt::format("{:.2f} dB", view.score.psnr_db) + "</b> " +
+         fmt::format("SSIM {:.3f}, FLIP {:.3f}", view.score.ssim, view.score.flip) +
+         "</span></figcaption></figure>\n";
 }
 
 std::string ViewsSection(const ReportData& data) {
   std::string html = "<h2>Unseen views, worst first</h2>\n";
   if (!data.has_scores) return html + Soft("No scores: the stage evaluate has not finished.");
-  html +=
-      Soft(Format("%zu pictures were held out of training. Error is FLIP, what an eye sees when it switches "
+  html += Soft(
+      fmt::format("{} pictures were held out of training. Error is FLIP, what an eye sees when it switches "
                   "between truth and render: black is none, yellow is most.",
                   data.views.size()));
   std::string open, folded, rows;
   std::size_t rank = 0, n_folded = 0;
-  for (const ViewFigures& view : data.views) {
+  for (const ComparedView& view : data.views) {
     ++rank;
-    rows += "<tr><td class=\"name\">" + EscapeHtml(view.name) + "</td>" +
-            Format("<td class=\"n\">%.2f</td><td class=\"n\">%.4f</td><td class=\"n\">%.4f</td></tr>\n",
-                   view.psnr_db,
-                   view.ssim,
-                   view.flip);
-    if (view.strip.empty()) continue;
-    (rank <= kOpenStrips ? open : folded) += StripFigure(view, rank);
-    n_folded += rank > kOpenStrips;
+    rows += "<tr><td class=\"name\">" + EscapeHtml(view.score.name) + "</td>" +
+            fmt::format(
+                "<td class=\"n\">{:.2f}</td><td class=\"n\">{:.4f}</td><td class=\"n\">{:.4f}</td></tr>\n",
+                view.score.psnr_db,
+                view.score.ssim,
+                view.score.flip);
+    if (!view.pictures) continue;
+    (rank <= kOpenFigures ? open : folded) += ComparisonFigure(view, rank);
+    n_folded += rank > kOpenFigures;
   }
   if (!open.empty()) {
     html +=
         "<div class=\"columns soft\"><span>truth</span><span>render</span><span>error</span></div>\n" + open;
   }
   if (n_folded > 0)
-    html += Format("<details><summary>%zu more</summary>\n", n_folded) + folded + "</details>\n";
+    html += fmt::format("<details><summary>{} more</summary>\n", n_folded) + folded + "</details>\n";
   return html +
          "<details><summary>All figures</summary><div class=\"scroll\"><table><tr><th>picture</th><th "
          "class=\"n\">PSNR, dB</th><th class=\"n\">SSIM</th><th class=\"n\">FLIP</th></tr>\n" +
@@ -162,8 +159,9 @@ std::string CurvePart(const ReportData& data) {
   if (psnr.empty() && loss.empty()) return Soft("No training curve: train/curve.csv is missing or empty.");
   std::string facts;
   if (!data.field.empty()) facts = "Field " + data.field;
-  if (data.train_parameters > 0) facts += Format(", %.2f million parameters", data.train_parameters / 1e6);
-  if (data.train_steps > 0) facts += Format(", %.0f steps", data.train_steps);
+  if (data.train_parameters > 0)
+    facts += fmt::format(", {:.2f} million parameters", data.train_parameters / 1e6);
+  if (data.train_steps > 0) facts += fmt::format(", {:.0f} steps", data.train_steps);
   return "<div class=\"pair\">" + psnr + loss + "</div>\n" + (facts.empty() ? "" : Soft(facts + "."));
 }
 
@@ -182,17 +180,16 @@ std::string StagesSection(const ReportData& data) {
     html += "<td class=\"n\">" + io::FormatDuration(stage.wall_s) + "</td><td class=\"n\">" +
             io::FormatDuration(stage.cpu_s) + "</td><td class=\"n\">" + Megabytes(stage.peak_rss_bytes) +
             "</td><td><span class=\"bar\"><i style=\"width:" +
-            Format("%.1f%%", longest > 0 ? 100 * stage.wall_s / longest : 0.0) + "\"></i></span></td></tr>\n";
+            fmt::format("{:.1f}%", longest > 0 ? 100 * stage.wall_s / longest : 0.0) +
+            "\"></i></span></td></tr>\n";
   }
   return html + "</table></div>\n" + (data.host.empty() ? "" : Soft("Machine: " + data.host + "."));
 }
 
 std::string PictureTable(const std::string& title, const std::vector<NamedText>& rows) {
   if (rows.empty()) return "";
-  std::string html = Format("<details%s><summary>%s (%zu)</summary>",
-                            rows.size() <= kPlainRows ? " open" : "",
-                            title.c_str(),
-                            rows.size());
+  std::string html = fmt::format(
+      "<details{}><summary>{} ({})</summary>", rows.size() <= kPlainRows ? " open" : "", title, rows.size());
   html += "<div class=\"scroll\"><table>\n";
   for (const NamedText& row : rows) {
     html += "<tr><td class=\"name\">" + EscapeHtml(row.name) + "</td><td>" + EscapeHtml(row.text) +
@@ -204,19 +201,19 @@ std::string PictureTable(const std::string& title, const std::vector<NamedText>&
 std::string PicturesSection(const ReportData& data) {
   std::string html = "<h2>Pictures</h2>\n";
   if (!data.has_ingest) html += Soft("No ingest record: the input came with poses.");
-  if (data.has_ingest) html += Soft(Format("%d kept, %d dropped.", data.kept, data.dropped));
+  if (data.has_ingest) html += Soft(fmt::format("{} kept, {} dropped.", data.kept, data.dropped));
   if (data.has_sfm) {
-    html += Soft(Format("%d of %d registered; %d points, mean reprojection error %.2f px.",
-                        data.registered,
-                        data.images,
-                        data.points,
-                        data.reprojection_error_px));
+    html += Soft(fmt::format("{} of {} registered; {} points, mean reprojection error {:.2f} px.",
+                             data.registered,
+                             data.images,
+                             data.points,
+                             data.reprojection_error_px));
   }
   if (data.masks > 0) {
-    html += Soft(
-        Format("Masks of %d pictures leave %.0f %% of all pixels, the only ones to be trained on and scored.",
-               data.masks,
-               100 * data.used_share));
+    html += Soft(fmt::format(
+        "Masks of {} pictures leave {:.0f} % of all pixels, the only ones to be trained on and scored.",
+        data.masks,
+        100 * data.used_share));
   }
   html += PictureTable("Dropped, and why", data.dropped_pictures);
   html += PictureTable("Not registered, and why", data.unregistered);

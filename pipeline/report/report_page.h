@@ -8,10 +8,10 @@
 
 namespace pipeline {
 
-// Reads the film and the strips named in `data`.
+// Reads the films and the pictures named in `data`.
 std::string ReportPage(const ReportData& data);
 
-// The page's style sheet and script, in files of their own.
+// report.css and report.js, which the build embeds.
 extern const char kReportStyle[];
 extern const char kReportScript[];
 

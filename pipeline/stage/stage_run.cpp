@@ -108,6 +108,12 @@ StageRun::StageRun(const std::string& stage_name,
   }
 }
 
+const std::string& StageRun::InputHash(const fs::path& input) const {
+  const auto found = input_hashes_.find(fs::absolute(input).lexically_normal().string());
+  PIPELINE_CHECK(found != input_hashes_.end());
+  return found->second;
+}
+
 void StageRun::OpenPartial(bool keep_partial) {
   const bool resumable = keep_partial && fs::is_directory(partial_) && fs::is_regular_file(key_file_) &&
                          io::ReadFile(key_file_) == key_;

@@ -30,6 +30,8 @@ class StageRun {
   bool IsUpToDate() const { return up_to_date_; }
   const std::filesystem::path& folder() const { return partial_; }  // write here
   const std::filesystem::path& run_folder() const { return run_folder_; }
+  // Content hash of a file that is one of the inputs.
+  const std::string& InputHash(const std::filesystem::path& input) const;
 
   // One line that says what was chosen and why; printed and recorded.
   void Decide(const std::string& line);

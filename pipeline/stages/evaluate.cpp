@@ -1,27 +1,18 @@
-#include <cstdio>
-#include <nlohmann/json.hpp>
+#include <fmt/format.h>
 
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
-#include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {
 namespace {
-
-using Json = nlohmann::json;
-
-// The name of the protocol that `normalize` chose when it split the pictures.
-std::string ProtocolName(const std::filesystem::path& run_folder) {
-  const Json record = Json::parse(ReadStageRecord(run_folder, "normalize"), nullptr, false);
-  return record.is_object() ? record.value("protocol", "capture") : "capture";
-}
 
 void Evaluate(const CommonOptions& common, const EvaluationOptions& options, const Options& bound) {
   const std::filesystem::path scene_folder = common.out / "scene",
@@ -35,34 +26,30 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     for (std::size_t i = 0; i < n_all; i += static_cast<std::size_t>(options.every))
       kept.push_back(test.frames[i]);
     test.frames = std::move(kept);
-    stage.Decide("scored " + std::to_string(test.frames.size()) + " of " + std::to_string(n_all) +
-                 " held-out views");
+    stage.Decide(fmt::format("scored {} of {} held-out views", test.frames.size(), n_all));
   }
   RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
-  const Evaluation result = ScoreViews(test, stage.folder(), options);
-  const std::string protocol = ProtocolName(common.out) + (result.masked ? ", masked" : "");
-  WriteScores(result, protocol, stage.folder());
+  Scores scores = ScoreViews(test, stage.folder(), options);
+  scores.protocol = ReadSceneRecord(common.out).protocol + (scores.masked ? ", masked" : "");
+  WriteScores(scores, stage.folder());
 
-  const ViewScore& worst = result.views[result.WorstFirst()[0]];
-  char line[512];
-  std::snprintf(line,
-                sizeof line,
-                "%zu held-out views (%s): PSNR %.2f dB, SSIM %.4f, FLIP %.4f; worst %s %.2f dB",
-                result.views.size(),
-                protocol.c_str(),
-                result.psnr_db,
-                result.ssim,
-                result.flip,
-                worst.name.c_str(),
-                worst.psnr_db);
-  std::printf("evaluate: %s\n", line);
-  if (result.masked) stage.Decide("scores and their means are over the pixels that the masks use");
-  if (result.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
-  stage.Set("protocol", protocol);
-  stage.Set("views", static_cast<double>(result.views.size()));
-  stage.Set("psnr", result.psnr_db);
-  stage.Set("ssim", result.ssim);
-  stage.Set("flip", result.flip);
+  const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
+  fmt::print(
+      "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
+      scores.views.size(),
+      scores.protocol,
+      scores.psnr_db,
+      scores.ssim,
+      scores.flip,
+      worst.name,
+      worst.psnr_db);
+  if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
+  if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
+  stage.Set("protocol", scores.protocol);
+  stage.Set("views", static_cast<double>(scores.views.size()));
+  stage.Set("psnr", scores.psnr_db);
+  stage.Set("ssim", scores.ssim);
+  stage.Set("flip", scores.flip);
   stage.Finish();
 }
 

@@ -1,14 +1,12 @@
 #include "pipeline/stages/evaluation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
-#include <nlohmann/json.hpp>
-#include <numeric>
 #include <set>
 
-#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
@@ -23,26 +21,20 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
-constexpr std::uint8_t kDarkening = 4;  // unused pixels of a strip: dark, but one sees what was there
+constexpr std::uint8_t kDarkening =
+    4;  // of pixels that a mask leaves out, in compare/: what was there can still be seen
 
 fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
   return folder / "renders" / (frame.image_path.stem().string() + ".png");
 }
 
-std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+std::string SizeText(int width, int height) { return fmt::format("{}x{}", width, height); }
 
 io::Image ReadTruth(const io::Frame& frame) {
   return io::CompositeOn(io::ReadImage(frame.image_path), kWhite);
-}
-
-void Paste(const io::Image& picture, int x, io::Image* strip) {
-  for (int y = 0; y < picture.height; ++y) {
-    std::copy_n(picture.Pixel(0, y), 3 * picture.width, strip->Pixel(x, y));
-  }
 }
 
 io::Mask MaskOf(const io::Frame& frame, const io::Image& truth) {
@@ -56,19 +48,17 @@ io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
   return picture;
 }
 
-io::Image MakeStrip(const io::Image& truth, const io::Image& render, const io::Mask& mask) {
+void WriteComparison(const io::Frame& frame, const fs::path& render_path, const Comparison& paths) {
+  const io::Image truth = ReadTruth(frame), render = io::ReadImage(render_path);
+  const io::Mask mask = MaskOf(frame, truth);
   const nerf::FlipMap flip = nerf::Flip(truth, render);
-  const int step = truth.width + kStripGap;
-  io::Image strip = io::MakeImage(3 * step - kStripGap, truth.height, 3);
-  std::fill(strip.data.begin(), strip.data.end(), kWhite);
   const io::Image error = io::ApplyColourMap(flip.error, flip.width, flip.height, io::ColourMap::kMagma);
-  Paste(DarkenUnused(truth, mask), 0, &strip);
-  Paste(DarkenUnused(render, mask), step, &strip);
-  Paste(DarkenUnused(error, mask), 2 * step, &strip);
-  return strip;
+  io::WriteImage(paths.photo, DarkenUnused(truth, mask));
+  io::WriteImage(paths.render, DarkenUnused(render, mask));
+  io::WriteImage(paths.error, DarkenUnused(error, mask));
 }
 
-ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path) {
+ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double* mse) {
   if (!fs::is_regular_file(render_path)) {
     throw Error(ExitCode::kBadInput, render_path.string() + ": the render of a held-out view is missing");
   }
@@ -81,9 +71,9 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path) {
   const io::Mask mask = MaskOf(frame, truth);
   ViewScore score;
   score.name = frame.image_path.filename().string();
-  score.mse = nerf::MeanSquaredError(truth, render, mask);
-  score.identical = score.mse == 0;
-  score.psnr_db = nerf::PsnrFromMse(score.mse);
+  *mse = nerf::MeanSquaredError(truth, render, mask);
+  score.identical = *mse == 0;
+  score.psnr_db = nerf::PsnrFromMse(*mse);
   score.ssim = nerf::Ssim(truth, render, mask);
   score.flip = nerf::Flip(truth, render, {}, mask).mean;
   return score;
@@ -91,23 +81,15 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path) {
 
 }  // namespace
 
-std::vector<int> Evaluation::WorstFirst() const {
-  std::vector<int> order(views.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(
-      order.begin(), order.end(), [&](int a, int b) { return views[a].psnr_db < views[b].psnr_db; });
-  return order;
-}
-
 io::Image QuantizeView(const nerf::RenderedView& view) {
   io::Image image = io::MakeImage(view.width, view.height, 3);
   for (std::size_t i = 0; i < image.data.size(); ++i) {
     if (!std::isfinite(view.rgb[i])) {
       const std::size_t pixel = i / 3;
-      throw Error(ExitCode::kBadInput,
-                  "the render is not finite at pixel (" + std::to_string(pixel % view.width) + ", " +
-                      std::to_string(pixel / view.width) + ")",
-                  "The checkpoint is unusable: train again");
+      throw Error(
+          ExitCode::kBadInput,
+          fmt::format("the render is not finite at pixel ({}, {})", pixel % view.width, pixel / view.width),
+          "The checkpoint is unusable: train again");
     }
     image.data[i] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(view.rgb[i], 0.f, 1.f)));
   }
@@ -151,10 +133,17 @@ void RenderViews(const nerf::TrainedField& field,
   }
 }
 
-Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const EvaluationOptions& options) {
+Comparison ComparisonPaths(const fs::path& folder, int rank, int n_views, const std::string& name) {
+  const std::string start =
+      fmt::format("{:0{}}_{}_", rank, n_views < 100 ? 2 : 3, fs::path(name).stem().string());
+  const auto path = [&](const char* what) { return folder / "compare" / (start + what + ".png"); };
+  return {path("photo"), path("render"), path("error")};
+}
+
+Scores ScoreViews(const io::Scene& test, const fs::path& folder, const EvaluationOptions& options) {
   const int n = static_cast<int>(test.frames.size());
   if (n == 0) throw Error(ExitCode::kBadInput, "no held-out view to score", "Run pipeline normalize again");
-  Evaluation result;
+  Scores result;
   const io::Image first = io::ReadImage(test.frames[0].image_path);
   result.width = first.width;
   result.height = first.height;
@@ -163,74 +152,37 @@ Evaluation ScoreViews(const io::Scene& test, const fs::path& folder, const Evalu
     return !frame.mask_path.empty();
   });
   result.views.resize(test.frames.size());
+  std::vector<double> mses(test.frames.size());
   io::Workers workers(options.threads);
   io::Progress progress("evaluate: score");
   std::atomic<int> done = 0;
   workers.Run(n, [&](int i, int thread) {
     io::ThrowIfInterrupted();
-    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]));
+    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]), &mses[i]);
     ++done;
     if (thread == 0) progress.Update(static_cast<double>(done) / n);
   });
 
-  double mse = 0;
-  for (const ViewScore& view : result.views) {
+  double mean_mse = 0;
+  for (int i = 0; i < n; ++i) {
+    const ViewScore& view = result.views[i];
     result.psnr_db += view.psnr_db / n;
     result.ssim += view.ssim / n;
     result.flip += view.flip / n;
-    mse += view.mse / n;
+    mean_mse += mses[i] / n;
   }
-  result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mse);
+  result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mean_mse);
 
   fs::remove_all(folder / "compare");
   fs::create_directories(folder / "compare");
   const std::vector<int> order = result.WorstFirst();
   workers.Run(std::min(n, options.max_strips), [&](int rank, int) {
     const io::Frame& frame = test.frames[order[rank]];
-    char prefix[16];
-    std::snprintf(prefix, sizeof prefix, n < 100 ? "%02d_" : "%03d_", rank + 1);
-    const io::Image truth = ReadTruth(frame), render = io::ReadImage(RenderPath(folder, frame));
-    io::WriteImage(folder / "compare" / (prefix + frame.image_path.stem().string() + ".png"),
-                   MakeStrip(truth, render, MaskOf(frame, truth)));
+    WriteComparison(frame,
+                    RenderPath(folder, frame),
+                    ComparisonPaths(folder, rank + 1, n, result.views[order[rank]].name));
   });
   return result;
-}
-
-void WriteScores(const Evaluation& evaluation, const std::string& protocol, const fs::path& folder) {
-  Json json;
-  json["protocol"] = protocol;
-  json["resolution"] = {evaluation.width, evaluation.height};
-  json["background"] =
-      evaluation.white_background ? "white, straight alpha composited before scoring" : "none";
-  if (evaluation.masked) {
-    json["masked"] = true;
-    json["pixels"] = "those that the masks use; of SSIM and FLIP, values at their place";
-  }
-  json["rounding"] = "8-bit sRGB, nearest, both pictures";
-  json["ssim_kernel"] =
-      "11x11 Gaussian, sigma 1.5, valid region, mean of channels, k1 0.01, k2 0.03, data range 1";
-  json["flip_pixels_per_degree"] = nerf::FlipOptions().pixels_per_degree;
-  json["psnr_cap_db"] = nerf::kMaxPsnrDb;
-  json["psnr"] = evaluation.psnr_db;
-  json["ssim"] = evaluation.ssim;
-  json["flip"] = evaluation.flip;
-  json["psnr_of_mean_mse"] = evaluation.psnr_of_mean_mse_db;
-  std::string csv = "name,psnr,ssim,flip\n";
-  for (const ViewScore& view : evaluation.views) {
-    Json entry = {{"name", view.name}, {"psnr", view.psnr_db}, {"ssim", view.ssim}, {"flip", view.flip}};
-    if (view.identical) entry["identical"] = true;
-    json["images"].push_back(entry);
-    char numbers[96];
-    std::snprintf(numbers, sizeof numbers, ",%.4f,%.6f,%.6f\n", view.psnr_db, view.ssim, view.flip);
-    // RFC 4180: a name is quoted, and its quotes are doubled.
-    csv += '"';
-    for (const char c : view.name) csv += c == '"' ? std::string("\"\"") : std::string(1, c);
-    csv += '"';
-    csv += numbers;
-  }
-  io::WriteFileAtomically(folder / "metrics.json",
-                          json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
-  io::WriteFileAtomically(folder / "per_image.csv", csv);
 }
 
 }  // namespace pipeline

@@ -2,10 +2,12 @@
 // units, the split, near, far, aabb).
 #include "sfm/scene/normalize.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "io/base/error.h"
@@ -22,6 +24,7 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/pose_source.h"
+#include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/scene/undistort.h"
 
@@ -29,7 +32,6 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 struct NormalizeOptions {
   CommonOptions common;
@@ -59,9 +61,10 @@ void SplitFrames(const NormalizeOptions& options, PoseSource* source, StageRun* 
   }
   // Observers are indices into the old order; nothing reads them from here on.
   for (io::Point3D& point : source->scene.points) point.frame_indices.clear();
-  stage->Decide(given.empty() ? "split: every " + std::to_string(options.holdout_every) +
-                                    "th picture in natural order is held out for testing"
-                              : "split: kept as given");
+  stage->Decide(given.empty()
+                    ? fmt::format("split: every {}th picture in natural order is held out for testing",
+                                  options.holdout_every)
+                    : "split: kept as given");
 }
 
 // Equal pictures in train and test make every score worthless.
@@ -77,8 +80,7 @@ void WarnOfLeakage(const PoseSource& source, StageRun* stage) {
       else
         shared += source.splits[i] == "test" && trained.contains(hash);
     }
-    if (shared > 0)
-      stage->Decide("warning: " + std::to_string(shared) + " test pictures are training pictures too");
+    if (shared > 0) stage->Decide(fmt::format("warning: {} test pictures are training pictures too", shared));
   }
 }
 
@@ -94,9 +96,7 @@ std::vector<fs::path> PictureNames(const PoseSource& source, bool is_split_given
     is_unique = seen.insert(names.back()).second && is_unique;
   }
   for (std::size_t i = 0; !is_unique && i < names.size(); ++i) {
-    const std::string number = std::to_string(i + 1);
-    const std::string zeros(number.size() < 5 ? 5 - number.size() : 0, '0');
-    names[i].replace_filename(zeros + number + "_" + names[i].filename().string());
+    names[i].replace_filename(fmt::format("{:05}_{}", i + 1, names[i].filename().string()));
   }
   return names;
 }
@@ -111,8 +111,8 @@ io::Camera LimitedCamera(const io::Camera& camera, int limit) {
   return io::ResizedCamera(camera, scaled(camera.width), scaled(camera.height));
 }
 
-// A PNG that needs no resizing becomes a second name of the same file, or a copy where the file system has no
-// such.
+// A PNG that needs no resizing becomes a hard link to the same file, or a copy where the file system has no
+// hard links.
 void PlacePicture(const fs::path& from, const fs::path& to, int width, int height, const io::Camera& camera) {
   fs::create_directories(to.parent_path());
   if (width == camera.width && height == camera.height && from.extension() == ".png") {
@@ -156,16 +156,10 @@ double WritePictures(
   return static_cast<double>(n_used) / static_cast<double>(n_pixels);
 }
 
-void RecordMasks(const io::Scene& scene, double used_share, StageRun* stage) {
-  const auto n_masks = std::count_if(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
+int CountMasks(const io::Scene& scene) {
+  return static_cast<int>(std::count_if(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
     return !frame.mask_path.empty();
-  });
-  if (n_masks == 0) return;
-  stage->Set("masks", static_cast<double>(n_masks));
-  stage->Set("used_share", used_share);
-  stage->Decide("masks: for " + std::to_string(n_masks) + " of " + std::to_string(scene.frames.size()) +
-                " pictures; training and scores use " + std::to_string(std::lround(100 * used_share)) +
-                " % of all pixels");
+  }));
 }
 
 // transforms_<split>.json of every split that has frames, read back as the next stages will read it.
@@ -191,38 +185,12 @@ void WriteSplits(const PoseSource& source, const fs::path& folder) {
 std::string ProtocolName(const PoseSource& source) {
   const io::Camera& camera = source.scene.cameras[0];
   const int longest = std::max(camera.width, camera.height);
-  return source.is_blender ? "nerf-" + std::to_string(longest) + "-white" : "capture";
+  return source.is_blender ? fmt::format("nerf-{}-white", longest) : "capture";
 }
 
-Json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
-void RecordScene(const PoseSource& source, StageRun* stage) {
-  const io::Scene& scene = source.scene;
-  stage->Set("near", scene.near);
-  stage->Set("far", scene.far);
-  stage->SetJson("aabb", Json({ToJson(scene.aabb.min), ToJson(scene.aabb.max)}).dump());
-  stage->SetJson("unbounded", scene.unbounded ? "true" : "false");
-  const io::Sim3d& sim3 = scene.scene_from_sfm;
-  Json rotation = Json::array();
-  for (int r = 0; r < 3; ++r) rotation.push_back(ToJson(Eigen::Vector3d(sim3.rotation.row(r))));
-  const Json chain = {
-      {"scale", sim3.scale}, {"rotation", rotation}, {"translation", ToJson(sim3.translation)}};
-  stage->SetJson("scene_from_sfm", chain.dump());
-  stage->Set("protocol", ProtocolName(source));
-  stage->Set("frames", static_cast<double>(scene.frames.size()));
-  stage->Set("points", static_cast<double>(scene.points.size()));
-  Json held_out = Json::array();
-  for (std::size_t i = 0; i < source.splits.size(); ++i) {
-    if (source.splits[i] == "test") held_out.push_back(scene.frames[i].image_path.filename().string());
-  }
-  stage->SetJson("held_out", held_out.dump());
-  stage->SetJson("missing_images", Json(source.missing_images).dump());
-}
-
-// Moves the scene, or keeps it when it already lies as it should.
-void PlaceScene(PoseSource* source, StageRun* stage) {
+// Moves the scene; keeps it, and reports nothing, when it already lies as it should.
+std::optional<sfm::NormalizeReport> PlaceScene(PoseSource* source, StageRun* stage) {
   io::Scene& scene = source->scene;
-  Json coverage, coverage_near, depth_range;  // null: unknown
   if (source->is_blender) {
     scene.near = 2;
     scene.far = 6;
@@ -233,23 +201,17 @@ void PlaceScene(PoseSource* source, StageRun* stage) {
   } else {
     sfm::NormalizeReport report = sfm::NormalizeScene(scene);
     for (const std::string& line : report.decisions) stage->Decide(line);
-    if (report.coverage) {
-      coverage = *report.coverage;
-      coverage_near = *report.coverage_near;
-      depth_range = {report.depth_min, report.depth_max};
-    }
     scene = std::move(report.scene);
+    return report;
   }
-  stage->SetJson("coverage", coverage.dump());
-  stage->SetJson("coverage_near", coverage_near.dump());
-  stage->SetJson("depth_range", depth_range.dump());
+  return std::nullopt;
 }
 
 void DecideAboutInput(const PoseSource& source, StageRun* stage) {
   for (const std::string& note : source.notes) stage->Decide("input: " + note);
   if (source.missing_images.empty()) return;
   std::string line =
-      std::to_string(source.missing_images.size()) + " posed pictures do not exist and are left out:";
+      fmt::format("{} posed pictures do not exist and are left out:", source.missing_images.size());
   for (std::size_t i = 0; i < std::min(kMaxNamed, source.missing_images.size()); ++i)
     line += " " + source.missing_images[i];
   stage->Decide(line + (source.missing_images.size() > kMaxNamed ? " ..." : ""));
@@ -262,7 +224,7 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
   if (stage.IsUpToDate()) return;
   const int threads = ResolvedThreads(options.common);
   DecideAboutInput(source, &stage);
-  PlaceScene(&source, &stage);
+  const std::optional<sfm::NormalizeReport> report = PlaceScene(&source, &stage);
 
   const fs::path undistorted = stage.folder() / "undistorted";
   const bool is_distorted = std::any_of(source.scene.cameras.begin(),
@@ -279,13 +241,21 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
   // NeRF-synthetic pictures have the size of their protocol; another size must be asked for.
   const bool keep_size = source.is_blender && !flags.IsSetByUser("image-size");
   const int size_limit = keep_size ? 0 : options.image_size;
-  const double used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
+  SceneRecord record;
+  record.used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
   fs::remove_all(undistorted);
-  stage.Decide("pictures: " + std::to_string(source.scene.cameras[0].width) + " x " +
-               std::to_string(source.scene.cameras[0].height) + " for training");
-  RecordMasks(source.scene, used_share, &stage);
+  const io::Camera& camera = source.scene.cameras[0];
+  stage.Decide(fmt::format("pictures: {} x {} for training", camera.width, camera.height));
+  record.protocol = ProtocolName(source);  // names the size of the written pictures
+  record.masks = CountMasks(source.scene);
+  if (record.masks > 0) {
+    stage.Decide(fmt::format("masks: for {} of {} pictures; training and scores use {} % of all pixels",
+                             record.masks,
+                             source.scene.frames.size(),
+                             std::lround(100 * record.used_share)));
+  }
   WriteSplits(source, stage.folder());
-  RecordScene(source, &stage);
+  WriteSceneRecord(record, source, report, &stage);
   stage.Finish();
 }
 

@@ -1,5 +1,7 @@
 #include "pipeline/stages/pose_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 
@@ -99,9 +101,12 @@ void KeepExistingPictures(const fs::path& images, PoseSource* source) {
     const io::ImageSize size = io::ReadImageSize(frame.image_path);
     if (size.width != camera.width || size.height != camera.height) {
       throw Error(ExitCode::kBadInput,
-                  frame.image_path.string() + ": is " + std::to_string(size.width) + " x " +
-                      std::to_string(size.height) + ", but its camera " + std::to_string(camera.width) +
-                      " x " + std::to_string(camera.height),
+                  fmt::format("{}: is {} x {}, but its camera {} x {}",
+                              frame.image_path.string(),
+                              size.width,
+                              size.height,
+                              camera.width,
+                              camera.height),
                   "Give the pictures that COLMAP was given");
     }
     source->files.push_back(frame.image_path);
@@ -199,7 +204,7 @@ PoseSource ReadSfmPoses(const fs::path& sfm_folder) {
   PoseSource source = ReadTransformsFile(json_path);
   const fs::path sparse = sfm_folder / "sparse";
   const fs::path model_folder = fs::is_directory(sparse) ? LargestModel(sparse) : fs::path();
-  if (model_folder.empty()) return source;  // points.ply, named by transforms.json, has no tracks but serves
+  if (model_folder.empty()) return source;  // its points are those of points.ply, without tracks
   // The pictures were undistorted, and may have changed their extension.
   std::map<std::string, int> index_of_stem;
   for (std::size_t i = 0; i < source.scene.frames.size(); ++i)

@@ -1,14 +1,14 @@
 // `pipeline sfm`: ingest/ in, posed pinhole pictures out.
-#include <cmath>
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <set>
 
-#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
+#include "pipeline/stage/frames.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
@@ -22,66 +22,21 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMaxFramesJsonBytes = std::size_t{64} << 20;
-
-[[noreturn]] void FailFrames(const fs::path& path, const std::string& what) {
-  throw io::Error(io::ExitCode::kBadInput, path.string() + ": " + what, "Run pipeline ingest again");
-}
-
-sfm::Picture ToPicture(const fs::path& path, const Json& entry, std::size_t index) {
-  const std::string label = "kept[" + std::to_string(index) + "]";
-  if (!entry.is_object()) FailFrames(path, label + " is not an object");
-  const auto number = [&](const char* key, bool needed) {
-    const auto at = entry.find(key);
-    if (at == entry.end() || at->is_null()) {
-      if (needed) FailFrames(path, label + "." + key + " is missing");
-      return 0.0;
-    }
-    if (!at->is_number() || !std::isfinite(at->get<double>()) || at->get<double>() < 0) {
-      FailFrames(path, label + "." + key + " is not a number >= 0");
-    }
-    return at->get<double>();
-  };
-  sfm::Picture picture;
-  const auto name = entry.find("name");
-  if (name == entry.end() || !name->is_string()) FailFrames(path, label + ".name is missing");
-  picture.name = name->get<std::string>();
-  // COLMAP's pair lists separate names by blanks.
-  if (picture.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-") !=
-          std::string::npos ||
-      picture.name.empty() || picture.name[0] == '.') {
-    FailFrames(
-        path,
-        label + ".name '" + picture.name + "' has characters other than letters, digits, '.', '_', '-'");
-  }
-  const double width = number("width", true), height = number("height", true);
-  if (width < 1 || height < 1 || width > 65535 || height > 65535)
-    FailFrames(path, label + " has no valid size");
-  picture.width = static_cast<int>(width);
-  picture.height = static_cast<int>(height);
-  picture.focal_px = number("focal_px", false);
-  const auto group = entry.find("camera_group");
-  if (group != entry.end() && !group->is_null()) picture.camera_group = group->dump();
-  picture.is_video_frame = entry.contains("time_s") && !entry["time_s"].is_null();
-  return picture;
-}
-
 std::vector<sfm::Picture> ReadPictures(const fs::path& ingest) {
   const fs::path path = ingest / "frames.json";
-  if (!fs::is_regular_file(path)) {
-    throw io::Error(io::ExitCode::kBadInput, path.string() + ": no such file", "Run pipeline ingest first");
-  }
-  const Json json = Json::parse(io::ReadFile(path, kMaxFramesJsonBytes), nullptr, false);
-  if (!json.is_object() || !json.contains("kept") || !json["kept"].is_array())
-    FailFrames(path, "has no list 'kept'");
   std::vector<sfm::Picture> pictures;
-  std::set<std::string> names;
-  for (const Json& entry : json["kept"]) {
-    pictures.push_back(ToPicture(path, entry, pictures.size()));
-    const std::string& name = pictures.back().name;
-    if (!names.insert(name).second) FailFrames(path, "names " + name + " twice");
-    if (!fs::is_regular_file(ingest / "images" / name))
-      FailFrames(path, "names images/" + name + ", which is missing");
+  for (const KeptPicture& kept : ReadFrames(path).kept) {
+    if (!fs::is_regular_file(ingest / "images" / kept.name)) {
+      throw io::Error(io::ExitCode::kBadInput,
+                      path.string() + ": names images/" + kept.name + ", which is missing",
+                      "Run pipeline ingest again");
+    }
+    pictures.push_back({.name = kept.name,
+                        .width = kept.width,
+                        .height = kept.height,
+                        .focal_px = kept.focal_px.value_or(0),
+                        .camera_group = std::to_string(kept.camera_group),
+                        .is_video_frame = kept.time_s.has_value()});
   }
   return pictures;
 }
@@ -148,19 +103,17 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
   for (const sfm::Unregistered& picture : result.unregistered) {
     const std::string cause = picture.refusal.Summary();
     unregistered.push_back({{"name", picture.name}, {"cause", cause}});
-    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), cause.c_str());
+    fmt::print(stderr, "sfm: not registered: {} ({})\n", picture.name, cause);
   }
   stage->SetJson("unregistered", unregistered.dump());
-  char line[200];
-  std::snprintf(line,
-                sizeof line,
-                "%zu of %zu pictures registered, %zu points, %.2f px mean error, median angle %.1f degrees",
-                model.scene.frames.size(),
-                n_pictures,
-                model.scene.points.size(),
-                model.mean_reprojection_error_px,
-                result.triangulation_angle_deg);
-  std::fprintf(stderr, "sfm: %s\n", line);
+  fmt::print(
+      stderr,
+      "sfm: {} of {} pictures registered, {} points, {:.2f} px mean error, median angle {:.1f} degrees\n",
+      model.scene.frames.size(),
+      n_pictures,
+      model.scene.points.size(),
+      model.mean_reprojection_error_px,
+      result.triangulation_angle_deg);
 }
 
 }  // namespace

@@ -77,7 +77,11 @@ class Ingest : public testing::Test {
     frames_ = std::filesystem::exists(frames) ? nlohmann::json::parse(Bytes(frames)) : nlohmann::json();
     return code;
   }
-  bool Says(const std::string& part) const { return message_.find(part) != std::string::npos; }
+  // True when what was printed holds all `parts`.
+  template <typename... Parts>
+  bool Says(const Parts&... parts) const {
+    return ((message_.find(parts) != std::string::npos) && ...);
+  }
   std::string ReasonFor(const std::string& source) const {
     for (const nlohmann::json& entry : frames_["dropped"]) {
       if (entry["source"] == source) return entry["reason"];

@@ -63,6 +63,8 @@ TEST_F(Json, GettersNeverConvert) {
   EXPECT_EQ(item.At("part").Number(0, 1000), 800.7);
   EXPECT_EQ(item.At("text").String(), "8");
   EXPECT_TRUE(item.At("yes").Bool());
+  EXPECT_TRUE(item.At("none").IsNull());
+  EXPECT_FALSE(item.At("whole").IsNull());
   EXPECT_EQ(item.At("part").json_path(), "list[0].part");
   const auto refused = [&](const auto& getter) {
     try {

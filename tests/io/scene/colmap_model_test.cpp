@@ -5,6 +5,7 @@
 
 #include <cstdlib>
 
+#include "tests/support/scene_matchers.h"
 #include "tests/support/small_colmap_model.h"
 
 namespace {
@@ -19,11 +20,8 @@ void ExpectSmallModel(const io::ColmapModel& model) {
   ASSERT_EQ(scene.frames.size(), 3u);
   EXPECT_EQ(scene.frames[0].image_path, "view 2.png");  // natural order
   // cam_from_world = (I, (0, 0, 1)): the centre is at z = -1, and the camera looks along +z of the world.
-  EXPECT_NEAR((scene.frames[2].world_from_cam.translation - Eigen::Vector3d(0, 0, -1)).norm(), 0, 1e-15);
-  EXPECT_NEAR(
-      (scene.frames[2].world_from_cam.rotation * Eigen::Vector3d(0, 0, -1) - Eigen::Vector3d(0, 0, 1)).norm(),
-      0,
-      1e-15);
+  const io::Rigid3d expected{Eigen::Vector3d(1, -1, -1).asDiagonal(), {0, 0, -1}};
+  EXPECT_THAT(scene.frames[2].world_from_cam, tests::PoseNear(expected, 1e-15));
   ASSERT_EQ(scene.points.size(), 4u);
   EXPECT_EQ(scene.points[2].rgb, (std::array<std::uint8_t, 3>{2, 128, 255}));
   EXPECT_EQ(scene.points[2].frame_indices, (std::vector<int>{1, 0}));
@@ -92,8 +90,7 @@ TEST(ColmapModel, WrittenModelsAreReadBackExactly) {
     EXPECT_EQ(a.image_path, b.image_path);
     EXPECT_EQ(a.camera_index, b.camera_index);
     // Matrix to quaternion and back: a few roundings of numbers up to 5.
-    EXPECT_LT((a.world_from_cam.rotation - b.world_from_cam.rotation).norm(), 2e-15);
-    EXPECT_LT((a.world_from_cam.translation - b.world_from_cam.translation).norm(), 1e-14);
+    EXPECT_THAT(b.world_from_cam, tests::PoseNear(a.world_from_cam, 2e-15, 1e-14));
   }
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(model.scene.points[i].xyz, read.scene.points[i].xyz);

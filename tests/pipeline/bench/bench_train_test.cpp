@@ -29,7 +29,7 @@ TEST(BenchTrain, TimeToAQualityIsLinearBetweenThePoints) {
 }
 
 TEST(BenchTrain, CurvesAreReadBetweenTheirPoints) {
-  const pipeline::TrainingCurve curve{.wall_s = {1, 3}, .heldout_psnr = {20, 30}};
+  const nerf::CurveColumns curve{.wall_s = {1, 3}, .heldout_psnr = {20, 30}};
   EXPECT_DOUBLE_EQ(pipeline::PsnrAt(1, curve), 20);
   EXPECT_DOUBLE_EQ(pipeline::PsnrAt(1.5, curve), 22.5);
   EXPECT_DOUBLE_EQ(pipeline::PsnrAt(3, curve), 30);

@@ -62,7 +62,7 @@ TEST_F(Ingest, EveryBadFileIsDroppedWithItsReason) {
   EXPECT_NE(ReasonFor("cut.jpg").find("truncated"), std::string::npos);
   EXPECT_NE(ReasonFor("text.jpg").find("not a picture"), std::string::npos);
   EXPECT_NE(ReasonFor("empty.png").find("empty"), std::string::npos);
-  EXPECT_NE(ReasonFor("img1.jpg").find("exact copy of copy of 1.jpg"), std::string::npos);
+  EXPECT_NE(ReasonFor("img1.jpg").find("copy of 1.jpg"), std::string::npos);
   EXPECT_NE(ReasonFor("notes.txt"), "");
   EXPECT_NE(ReasonFor("escape.jpg").find("outside"), std::string::npos);
   EXPECT_NE(ReasonFor("loop.jpg").find("nowhere"), std::string::npos);
@@ -120,7 +120,7 @@ TEST_F(Ingest, BlurredAndRepeatedPhotosAreDropped) {
 
 TEST_F(Ingest, UnusableInputsEndWithTheDocumentedCode) {
   EXPECT_EQ(Run(photos()), 3);  // empty
-  EXPECT_TRUE(Says("photos") && Says("JPEG") && Says("MP4"));
+  EXPECT_TRUE(Says("photos", "JPEG", "MP4"));
   EXPECT_FALSE(fs::exists(run()));
   EXPECT_EQ(Run(base_ / "absent"), 3);
   EXPECT_EQ(Run("/dev/zero"), 3);
@@ -200,7 +200,7 @@ TEST_F(Ingest, AHalfCopiedVideoIsUsedAndNamed) {
       WriteVideo(40, [&](int i) { return texture_(cv::Rect(6 * i, 20, kWidth, kHeight)).clone(); });
   fs::resize_file(clip, fs::file_size(clip) / 2);
   ASSERT_EQ(Run(clip), 0) << message_;
-  EXPECT_TRUE(Says("of 40 frames could be decoded")) << message_;
+  EXPECT_TRUE(Says("incomplete", "of 40")) << message_;
 }
 
 TEST_F(Ingest, AFolderWithOneVideoIsThatVideo) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <regex>
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
@@ -16,6 +17,7 @@
 #include "io/scene/transforms.h"
 #include "pipeline/report/plot_svg.h"
 #include "pipeline/report/report_page.h"
+#include "pipeline/stage/frames.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/film.h"
 
@@ -129,7 +131,9 @@ class RunFolder {
   void WriteScores() const {
     const fs::path folder = path / "evaluate";
     pipeline::RenderViews(SphereField(0.04f), test_, folder, 2);
-    pipeline::WriteScores(pipeline::ScoreViews(test_, folder, {}), "capture", folder);
+    pipeline::Scores scores = pipeline::ScoreViews(test_, folder, {});
+    scores.protocol = "capture";
+    pipeline::WriteScores(scores, folder);
     Write("evaluate/evaluate.json", Record("evaluate", 3.4, {}));
   }
 
@@ -144,14 +148,14 @@ class RunFolder {
   }
 
   void WritePictures() const {
-    Json frames;
+    pipeline::Frames frames;
     for (int i = 0; i < 25; ++i) {
-      frames["kept"].push_back(
-          {{"name", "p" + std::to_string(i) + ".png"}, {"source", "p.jpg"}, {"notes", Json::array()}});
+      frames.kept.push_back(
+          {.name = "p" + std::to_string(i) + ".png", .source = "p.jpg", .width = 120, .height = 90});
     }
-    frames["kept"][3]["notes"] = {"16 bits became 8"};
-    frames["dropped"] = {{{"source", kNastyName}, {"reason", "blurred: 0.21 of its neighbours' sharpness"}}};
-    Write("ingest/frames.json", frames);
+    frames.kept[3].notes = {"16 bits became 8"};
+    frames.dropped = {{kNastyName, "blurred: 0.21 of its neighbours' sharpness"}};
+    pipeline::WriteFrames(path / "ingest/frames.json", frames);
     Write("ingest/ingest.json", Record("ingest", 4, {"1 of 26 pictures dropped"}));
     Json sfm = Record("sfm", 61, {"exhaustive matching: 25 pictures are 300 pairs"});
     sfm.update({{"images", 25}, {"registered", 24}, {"points", 3000}, {"mean_reprojection_error_px", 0.61}});
@@ -317,13 +321,17 @@ TEST(Report, ShowsFiguresReasonsAndCommands) {
 TEST(Report, SaysHowMuchTheMasksLeave) {
   const RunFolder run;
   ASSERT_EQ(RunReport(run.path), 0);
-  EXPECT_EQ(io::ReadFile(run.path / "report.html").find("Masks of"), std::string::npos);
+  EXPECT_EQ(io::ReadFile(run.path / "report.html").find("Masks"), std::string::npos);
   Json scene = Json::parse(io::ReadFile(run.path / "scene/scene.json"));
   scene.update({{"masks", 17}, {"used_share", 0.4249}});
   run.Write("scene/scene.json", scene);
   ASSERT_EQ(RunReport(run.path), 0);
-  EXPECT_NE(io::ReadFile(run.path / "report.html").find("Masks of 17 pictures leave 42 % of all pixels"),
-            std::string::npos);
+  const std::string html = io::ReadFile(run.path / "report.html");
+  const std::size_t sentence = html.find("Masks");
+  ASSERT_NE(sentence, std::string::npos);
+  const std::string text = html.substr(sentence, html.find('<', sentence) - sentence);
+  EXPECT_NE(text.find("17 "), std::string::npos) << text;
+  EXPECT_NE(text.find("42 %"), std::string::npos) << text;
 }
 
 TEST(Report, IsWrittenAgainOnlyWhenSomethingChanged) {
@@ -340,11 +348,36 @@ TEST(Report, IsWrittenAgainOnlyWhenSomethingChanged) {
   EXPECT_NE(io::ReadFile(run.path / "report.html").find("No training curve"), std::string::npos);
 }
 
+TEST(Report, DamagedFilesAreRefusedByName) {
+  for (const char* file : {"ingest/frames.json", "evaluate/metrics.json", "scene/scene.json"}) {
+    const RunFolder run;
+    Json json = Json::parse(io::ReadFile(run.path / file));
+    for (const char* key : {"kept", "psnr", "protocol"}) json[key] = Json::array({1});
+    run.Write(file, json);
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(RunReport(run.path), 3) << file;
+    EXPECT_NE(testing::internal::GetCapturedStderr().find(file), std::string::npos);
+    EXPECT_FALSE(fs::exists(run.path / "report.html"));
+  }
+}
+
 TEST(Report, FolderWithoutARunIsRefused) {
   const fs::path folder = fs::temp_directory_path() / ("report empty " + std::to_string(getpid()));
   EXPECT_EQ(RunReport(folder), 3);
   EXPECT_FALSE(fs::exists(folder / "report.html"));
   fs::remove_all(folder);
+}
+
+// The numbers in the group of the first match.
+std::vector<double> NumbersOf(const std::string& svg, const std::string& pattern) {
+  std::smatch match;
+  if (!std::regex_search(svg, match, std::regex(pattern))) return {};
+  const std::string text = match[1];
+  const std::regex number(R"(-?\d+(\.\d+)?)");
+  std::vector<double> numbers;
+  for (std::sregex_iterator it(text.begin(), text.end(), number), end; it != end; ++it)
+    numbers.push_back(std::stod(it->str()));
+  return numbers;
 }
 
 TEST(PlotSvg, NeedsTwoFinitePoints) {
@@ -354,8 +387,14 @@ TEST(PlotSvg, NeedsTwoFinitePoints) {
   EXPECT_EQ(pipeline::PlotSvg({{"a", {1, 2}, {0, -1}}}, {"x", "y", true}), "");  // no logarithm
   const std::string svg =
       pipeline::PlotSvg({{"a<b", {0, 1, 2}, {5, nan, 7}}, {"c", {0, 2}, {5, 5}}}, {"x", "y"});
-  // The corners of the drawing area, the gap left out.
-  EXPECT_NE(svg.find("points=\"56.0,256.0 548.0,26.0 \""), std::string::npos) << svg;
+  // From the lower left to the upper right end of the grid, the gap left out.
+  const std::vector<double> line = NumbersOf(svg, R"re(points="([^"]*)")re"),
+                            left = NumbersOf(svg, R"re(class="grid" x1="(\d+)")re"),
+                            right = NumbersOf(svg, R"re(class="grid" x1="\d+" x2="(\d+)")re");
+  ASSERT_EQ(line.size(), 4u) << svg;
+  EXPECT_EQ(line[0], left.at(0));
+  EXPECT_EQ(line[2], right.at(0));
+  EXPECT_GT(line[1], line[3]);
   EXPECT_NE(svg.find("a&lt;b"), std::string::npos);
 }
 

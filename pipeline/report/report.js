@@ -1,8 +1,3 @@
-#include "pipeline/report/report_page.h"
-
-namespace pipeline {
-
-const char kReportScript[] = R"js(
 'use strict';
 (() => {
   const canvas = document.getElementById('scene');
@@ -90,6 +85,3 @@ const char kReportScript[] = R"js(
   window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
   draw();
 })();
-)js";
-
-}  // namespace pipeline

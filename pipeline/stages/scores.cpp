@@ -1,0 +1,102 @@
+#include "pipeline/stages/scores.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "io/base/atomic_file.h"
+#include "io/base/json_reader.h"
+#include "nerf/metrics/flip.h"
+#include "nerf/metrics/metrics.h"
+
+namespace pipeline {
+namespace {
+
+using io::JsonReader;
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+constexpr char kOnWhite[] = "white, straight alpha composited before scoring";
+
+// RFC 4180: a name is quoted, and its quotes are doubled.
+std::string CsvLine(const ViewScore& view) {
+  std::string line = "\"";
+  for (const char c : view.name) line += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return line + fmt::format("\",{:.4f},{:.6f},{:.6f}\n", view.psnr_db, view.ssim, view.flip);
+}
+
+double NumberAt(const JsonReader& json, const char* key) {
+  constexpr double kMax = std::numeric_limits<double>::max();
+  return json.At(key).Number(-kMax, kMax);
+}
+
+bool FlagAt(const JsonReader& json, const char* key) { return json.Has(key) && json.At(key).Bool(); }
+
+}  // namespace
+
+std::vector<int> Scores::WorstFirst() const {
+  std::vector<int> order(views.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(
+      order.begin(), order.end(), [&](int a, int b) { return views[a].psnr_db < views[b].psnr_db; });
+  return order;
+}
+
+void WriteScores(const Scores& scores, const fs::path& folder) {
+  Json json;
+  json["protocol"] = scores.protocol;
+  json["resolution"] = {scores.width, scores.height};
+  json["background"] = scores.white_background ? kOnWhite : "none";
+  if (scores.masked) {
+    json["masked"] = true;
+    json["pixels"] = "those that the masks use; of SSIM and FLIP, values at their place";
+  }
+  json["rounding"] = "8-bit sRGB, nearest, both pictures";
+  json["ssim_kernel"] =
+      "11x11 Gaussian, sigma 1.5, valid region, mean of channels, k1 0.01, k2 0.03, data range 1";
+  json["flip_pixels_per_degree"] = nerf::FlipOptions().pixels_per_degree;
+  json["psnr_cap_db"] = nerf::kMaxPsnrDb;
+  json["psnr"] = scores.psnr_db;
+  json["ssim"] = scores.ssim;
+  json["flip"] = scores.flip;
+  json["psnr_of_mean_mse"] = scores.psnr_of_mean_mse_db;
+  std::string csv = "name,psnr,ssim,flip\n";
+  for (const ViewScore& view : scores.views) {
+    Json entry = {{"name", view.name}, {"psnr", view.psnr_db}, {"ssim", view.ssim}, {"flip", view.flip}};
+    if (view.identical) entry["identical"] = true;
+    json["images"].push_back(entry);
+    csv += CsvLine(view);
+  }
+  io::WriteFileAtomically(folder / "metrics.json",
+                          json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  io::WriteFileAtomically(folder / "per_image.csv", csv);
+}
+
+Scores ReadScores(const fs::path& folder) {
+  const JsonReader json = JsonReader::ReadDocument(folder / "metrics.json");
+  Scores scores;
+  scores.protocol = json.At("protocol").String();
+  scores.width = json.At("resolution").At(0).Integer(1, std::numeric_limits<int>::max());
+  scores.height = json.At("resolution").At(1).Integer(1, std::numeric_limits<int>::max());
+  scores.white_background = json.At("background").String() == kOnWhite;
+  scores.masked = FlagAt(json, "masked");
+  scores.psnr_db = NumberAt(json, "psnr");
+  scores.ssim = NumberAt(json, "ssim");
+  scores.flip = NumberAt(json, "flip");
+  scores.psnr_of_mean_mse_db = NumberAt(json, "psnr_of_mean_mse");
+  const JsonReader views = json.At("images");
+  for (std::size_t i = 0; i < views.Size(); ++i) {
+    const JsonReader view = views.At(i);
+    scores.views.push_back({.name = view.At("name").String(),
+                            .psnr_db = NumberAt(view, "psnr"),
+                            .ssim = NumberAt(view, "ssim"),
+                            .flip = NumberAt(view, "flip"),
+                            .identical = FlagAt(view, "identical")});
+  }
+  return scores;
+}
+
+}  // namespace pipeline

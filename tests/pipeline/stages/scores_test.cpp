@@ -1,0 +1,78 @@
+// metrics.json: what is written comes back, and damage is named by file and place.
+#include "pipeline/stages/scores.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "io/base/error.h"
+#include "tests/support/temp_dir.h"
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+pipeline::Scores TwoViews() {
+  return {.protocol = "nerf-400-white",
+          .width = 400,
+          .height = 300,
+          .white_background = true,
+          .masked = true,
+          .views = {{.name = "b \"1\".png", .psnr_db = 120, .ssim = 1, .flip = 0, .identical = true},
+                    {.name = "a.png", .psnr_db = 100.0 / 3, .ssim = 0.97, .flip = 0.04}},
+          .psnr_db = 230.0 / 3,
+          .ssim = 0.985,
+          .flip = 0.02,
+          .psnr_of_mean_mse_db = 36.3};
+}
+
+TEST(Scores, WrittenOnesComeBack) {
+  const TempDir dir;
+  const pipeline::Scores written = TwoViews();
+  pipeline::WriteScores(written, dir.path());
+  const pipeline::Scores read = pipeline::ReadScores(dir.path());
+  EXPECT_EQ(read.protocol, written.protocol);
+  EXPECT_EQ(read.width, written.width);
+  EXPECT_EQ(read.height, written.height);
+  EXPECT_EQ(read.white_background, written.white_background);
+  EXPECT_EQ(read.masked, written.masked);
+  EXPECT_EQ(read.psnr_db, written.psnr_db);
+  EXPECT_EQ(read.ssim, written.ssim);
+  EXPECT_EQ(read.flip, written.flip);
+  EXPECT_EQ(read.psnr_of_mean_mse_db, written.psnr_of_mean_mse_db);
+  ASSERT_EQ(read.views.size(), written.views.size());
+  for (std::size_t i = 0; i < read.views.size(); ++i) {
+    EXPECT_EQ(read.views[i].name, written.views[i].name);
+    EXPECT_EQ(read.views[i].psnr_db, written.views[i].psnr_db);
+    EXPECT_EQ(read.views[i].ssim, written.views[i].ssim);
+    EXPECT_EQ(read.views[i].flip, written.views[i].flip);
+    EXPECT_EQ(read.views[i].identical, written.views[i].identical);
+  }
+  EXPECT_EQ(read.WorstFirst(), (std::vector<int>{1, 0}));
+  EXPECT_NE(ReadText(dir / "per_image.csv").find("\"b \"\"1\"\".png\",120.0000,1.000000,0.000000\n"),
+            std::string::npos);
+}
+
+TEST(Scores, DamageIsNamedByFileAndPlace) {
+  const TempDir dir;
+  EXPECT_ERROR(pipeline::ReadScores(dir.path()), io::ExitCode::kBadInput, "metrics.json");
+  pipeline::WriteScores(TwoViews(), dir.path());
+  const Json good = Json::parse(ReadText(dir / "metrics.json"));
+  const struct {
+    const char *pointer, *value, *place;
+  } kCases[] = {{"/protocol", "4", "protocol"},
+                {"/resolution", "[400]", "resolution"},
+                {"/psnr", "null", "psnr"},
+                {"/masked", "1", "masked"},
+                {"/images", "{}", "images"},
+                {"/images/1/ssim", "\"0.97\"", "images[1].ssim"}};
+  for (const auto& c : kCases) {
+    Json bad = good;
+    bad[Json::json_pointer(c.pointer)] = Json::parse(c.value);
+    WriteText(dir / "metrics.json", bad.dump());
+    EXPECT_ERROR(
+        pipeline::ReadScores(dir.path()), io::ExitCode::kBadInput, std::string("metrics.json: ") + c.place);
+  }
+}
+
+}  // namespace
