@@ -18,8 +18,9 @@ Eigen::Vector3d SolveSymmetric(const Eigen::Matrix3d& matrix, const Eigen::Vecto
 
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Matrix3d u = svd.matrixU(), v = svd.matrixV();
-  return u * Eigen::Vector3d(1, 1, (u * v.transpose()).determinant()).asDiagonal() * v.transpose();
+  const Eigen::Matrix3d rotation = svd.matrixU() * svd.matrixV().transpose();
+  if (rotation.determinant() > 0) return rotation;
+  return svd.matrixU() * Eigen::Vector3d(1, 1, -1).asDiagonal() * svd.matrixV().transpose();
 }
 
 Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
