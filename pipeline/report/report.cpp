@@ -45,8 +45,8 @@ std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
 // report.html lies outside the stage's folder; its record says which page belongs to it.
 bool PageIsIntact(const fs::path& run_folder, const fs::path& page) {
   const Json record = Json::parse(ReadStageRecord(run_folder, "report"), nullptr, false);
-  return record.is_object() && fs::is_regular_file(page) &&
-         record.value("page_hash", "") == io::HashFile(page);
+  return record.is_object() && record.contains("page_hash") && fs::is_regular_file(page) &&
+         record["page_hash"] == io::HashFile(page);
 }
 
 void Report(CommonOptions common, const Options& bound) {

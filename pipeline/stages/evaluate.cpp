@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <cstdio>
+
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
@@ -34,15 +36,16 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
-  fmt::print(
-      "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
-      scores.views.size(),
-      scores.protocol,
-      scores.psnr_db,
-      scores.ssim,
-      scores.flip,
-      worst.name,
-      worst.psnr_db);
+  const std::string line =
+      fmt::format("{} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB",
+                  scores.views.size(),
+                  scores.protocol,
+                  scores.psnr_db,
+                  scores.ssim,
+                  scores.flip,
+                  worst.name,
+                  worst.psnr_db);
+  std::printf("evaluate: %s\n", line.c_str());
   if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", scores.protocol);

@@ -24,8 +24,8 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
-constexpr std::uint8_t kDarkening =
-    4;  // of pixels that a mask leaves out, in compare/: what was there can still be seen
+// Of pixels that a mask leaves out, in compare/: what was there can still be seen.
+constexpr std::uint8_t kDarkening = 4;
 
 fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
   return folder / "renders" / (frame.image_path.stem().string() + ".png");

@@ -103,17 +103,17 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
   for (const sfm::Unregistered& picture : result.unregistered) {
     const std::string cause = picture.refusal.Summary();
     unregistered.push_back({{"name", picture.name}, {"cause", cause}});
-    fmt::print(stderr, "sfm: not registered: {} ({})\n", picture.name, cause);
+    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), cause.c_str());
   }
   stage->SetJson("unregistered", unregistered.dump());
-  fmt::print(
-      stderr,
-      "sfm: {} of {} pictures registered, {} points, {:.2f} px mean error, median angle {:.1f} degrees\n",
+  const std::string line = fmt::format(
+      "{} of {} pictures registered, {} points, {:.2f} px mean error, median angle {:.1f} degrees",
       model.scene.frames.size(),
       n_pictures,
       model.scene.points.size(),
       model.mean_reprojection_error_px,
       result.triangulation_angle_deg);
+  std::fprintf(stderr, "sfm: %s\n", line.c_str());
 }
 
 }  // namespace
