@@ -77,7 +77,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool Open(JsonNode node) {
-    if (levels_.size() >= kMaxDepth) return Refuse(fmt::format("nested deeper than {} levels", kMaxDepth));
+    if (levels_.size() >= kMaxDepth)
+      return Refuse("nested deeper than " + std::to_string(kMaxDepth) + " levels");
     levels_.push_back({std::move(node), {}});
     return true;
   }
@@ -89,7 +90,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool Add(JsonNode node) {
-    if (++values_ > kMaxValues) return Refuse(fmt::format("holds more than {} values", kMaxValues));
+    if (++values_ > kMaxValues) return Refuse("holds more than " + std::to_string(kMaxValues) + " values");
     if (levels_.empty()) {
       root = std::move(node);
     } else if (auto* items = std::get_if<std::vector<JsonNode>>(&levels_.back().node.value)) {
