@@ -51,6 +51,7 @@ class Sampler {
  public:
   Sampler(const SamplerOptions& options, const SceneContraction& map, const OccupancyGrid& grid)
       : options_(options), map_(map), grid_(grid) {}
+  const SamplerOptions& options() const { return options_; }
 
   // First and last distance at which the ray can have samples; first >= last when it misses the scene.
   void Range(const Ray& ray, float* t_first, float* t_last) const;

@@ -8,6 +8,7 @@
 #include "nerf/data/dataset.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/fields/scene_field.h"
+#include "nerf/training/pixel_gradients.h"
 
 namespace nerf {
 
@@ -45,6 +46,12 @@ std::unique_ptr<FieldTraining> MakeNerfTraining(const Dataset& dataset,
 
 // The next batch aims at `wanted` samples; at most a factor 2 per step, since one batch may be unusual.
 int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high);
+
+// Adds a shard's share of the means over the n_pixels pixels of a batch.
+void AddLoss(const ShardLoss& shard, double n_pixels, StepOutcome* outcome);
+
+// Tells the occupancy grid what marching has seen.
+void VisitCells(const ShardSamples& samples, OccupancyGrid* grid);
 
 // Asks the field at a random point of every `stride`-th candidate cell, another set each `turn`, and
 // remembers the densities. Part of the step number `step`, which must be a multiple of kRebuildEvery.

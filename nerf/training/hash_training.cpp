@@ -66,8 +66,8 @@ class HashTraining : public FieldTraining {
   HashGrid& grid_;
   HashNetwork<Real>& network_;
   io::Workers* workers_;
-  std::vector<ShardResult<Real>> shards_;
-  std::vector<ShardScratch<Real>> scratch_;
+  std::vector<HashShard<Real>> shards_;
+  std::vector<HashShardScratch<Real>> scratch_;
   std::vector<AlignedVector<float>> table_gradients_;  // of one level, by thread; zero between uses
   std::vector<std::uint32_t> candidates_;              // cells that may hold something
 };
@@ -87,25 +87,20 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   }
   plan.min_weight = static_cast<float>(options_.min_weight);
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
+  const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int thread) {
-    TrainShard(dataset_,
-               grid_,
-               network_,
-               sampler,
-               plan,
-               shard,
-               &scratch_[static_cast<std::size_t>(thread)],
-               &shards_[static_cast<std::size_t>(shard)]);
+    RunHashShard(context,
+                 shard,
+                 &scratch_[static_cast<std::size_t>(thread)],
+                 &shards_[static_cast<std::size_t>(shard)]);
   });
   const double n_pixels = static_cast<double>(plan.n_rays) / plan.pixel_rays;
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
-  for (const ShardResult<Real>& shard : shards_) {
-    outcome.n_samples += shard.visited_cell.size();
-    outcome.loss += shard.loss / n_pixels;
-    outcome.opacity += shard.opacity / n_pixels;
-    outcome.squared_error += shard.squared_error / (3.0 * n_pixels);
-    if (!shard.finite) {
-      outcome.fault = "loss or gradient of ray " + std::to_string(shard.first_bad_ray);
+  for (const HashShard<Real>& shard : shards_) {
+    outcome.n_samples += shard.samples.visited_cell.size();
+    AddLoss(shard.loss, n_pixels, &outcome);
+    if (shard.loss.bad_ray) {
+      outcome.fault = "loss or gradient of ray " + std::to_string(*shard.loss.bad_ray);
       return outcome;
     }
   }
@@ -135,10 +130,11 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
     if (task < n_levels) {
       float* table_gradients = table_gradients_[static_cast<std::size_t>(thread)].data();
       const int level = n_levels - 1 - task;  // the finest, slowest levels first
-      for (const ShardResult<Real>& shard : shards_) {
+      for (const HashShard<Real>& shard : shards_) {
         const Real* gradients =
             shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
-        grid_.Scatter(level, gradients, shard.samples, shard.samples.size(), table_gradients);
+        const Samples& samples = shard.samples.sorted;
+        grid_.Scatter(level, gradients, samples, samples.size(), table_gradients);
       }
       grid_.Step(level, step, table_gradients);
       return;
@@ -148,10 +144,7 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += shards_[s].weight_gradients[i];
     }
     network_.Step(step, sum.data());
-    for (const ShardResult<Real>& shard : shards_) {
-      for (std::size_t i = 0; i < shard.visited_cell.size(); ++i)
-        scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
-    }
+    for (const HashShard<Real>& shard : shards_) VisitCells(shard.samples, &scene_field_->grid);
   });
 }
 

@@ -45,7 +45,8 @@ class MlpTraining : public FieldTraining {
   // A multiply-add is 2 FLOP; backward costs twice the forward pass, and marching asks for density alone.
   double Flop(const MlpShard& shard) const {
     return 2 * multiply_adds_ *
-           (static_cast<double>(shard.n_marched) + 3.0 * static_cast<double>(shard.n_differentiated));
+           (static_cast<double>(shard.samples.visited_cell.size()) +
+            3.0 * static_cast<double>(shard.n_differentiated));
   }
   std::string FaultOf(const std::vector<float>& gradients) const;
   void UpdateOccupancy(std::uint64_t done, std::uint64_t seed);
@@ -67,20 +68,20 @@ StepOutcome MlpTraining::Step(double progress, TrainState* state) {
   plan.step_scale = static_cast<float>(std::pow(options_.nerf.first_step_scale, 1.0 - share));
   plan.early_stop_depth = kEarlyStopDepth;
   if (options_.nerf.white_background) plan.background = {1, 1, 1};
-  const NerfShardContext context{dataset_, *scene_field_, field_};
+  const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
+  const MlpShardContext context{dataset_, field_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int) {
-    RunNerfShard(context, plan, shard, &shards_[static_cast<std::size_t>(shard)]);
+    RunMlpShard(context, shard, &shards_[static_cast<std::size_t>(shard)]);
   });
 
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
   std::vector<float>& sum = shards_[0].gradients;
   for (MlpShard& shard : shards_) {
-    outcome.n_samples += std::max(shard.n_marched, shard.n_differentiated);
+    outcome.n_samples += std::max<std::uint64_t>(shard.samples.visited_cell.size(), shard.n_differentiated);
     outcome.flop += Flop(shard);
-    outcome.loss += shard.loss / plan.n_rays;
-    outcome.opacity += shard.opacity / plan.n_rays;
-    outcome.squared_error += shard.squared_error / (3.0 * plan.n_rays);
-    if (outcome.fault.empty()) outcome.fault = shard.fault;
+    AddLoss(shard.loss, plan.n_rays, &outcome);
+    if (shard.loss.bad_ray && outcome.fault.empty())
+      outcome.fault = "loss of ray " + std::to_string(*shard.loss.bad_ray);
     if (&shard != &shards_[0]) {
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += shard.gradients[i];
     }
@@ -120,10 +121,7 @@ std::string MlpTraining::FaultOf(const std::vector<float>& gradients) const {
 }
 
 void MlpTraining::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
-  for (const MlpShard& shard : shards_) {
-    for (std::size_t i = 0; i < shard.visited_cell.size(); ++i)
-      scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
-  }
+  for (const MlpShard& shard : shards_) VisitCells(shard.samples, &scene_field_->grid);
   if (done < kWarmUpSteps || done % kRebuildEvery != 0) return;
   if (done == kWarmUpSteps) {
     // From here on only what the network itself has found counts, not the first guess.

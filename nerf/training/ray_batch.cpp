@@ -84,10 +84,4 @@ bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch) {
   return wave.size() > 0;
 }
 
-std::vector<int> FirstSamples(const RayBatch& batch) {
-  std::vector<int> first = {0};
-  for (const BatchRay& ray : batch.rays) first.push_back(first.back() + ray.n_kept);
-  return first;
-}
-
 }  // namespace nerf

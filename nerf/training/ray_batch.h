@@ -93,7 +93,4 @@ void EndWave(const BatchPlan& plan, const float* sigma, RayBatch* batch, const K
   }
 }
 
-// first[r] is the place of ray r's first sample when samples are sorted by ray; one more entry at the end.
-std::vector<int> FirstSamples(const RayBatch& batch);
-
 }  // namespace nerf

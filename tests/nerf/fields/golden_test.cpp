@@ -96,14 +96,34 @@ std::unique_ptr<SceneField> GoldenField(bool bf16) {
   return std::make_unique<SceneField>(SceneContraction{{0, 0, 0}, 6, false}, sampling, std::move(field), 64);
 }
 
+const MlpField& FieldOf(const SceneField& scene_field) {
+  return dynamic_cast<const MlpField&>(*scene_field.field);
+}
+
 MlpShard GoldenShard(const SceneField& scene_field, int n_rays = kRays) {
   const Dataset dataset = GoldenDataset();
-  const NerfShardContext context{dataset, scene_field, dynamic_cast<MlpField&>(*scene_field.field)};
-  MlpShard shard;
+  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
   BatchPlan plan{.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1};
   plan.background = {1, 1, 1};
-  RunNerfShard(context, plan, 0, &shard);
+  MlpShard shard;
+  RunMlpShard({dataset, FieldOf(scene_field), sampler, plan}, 0, &shard);
   return shard;
+}
+
+// Rows that the network sees for the samples of a shard.
+struct Codes {
+  std::vector<float> position, direction;
+};
+
+Codes CodesOf(const SceneField& scene_field, const MlpShard& shard) {
+  const MlpField& field = FieldOf(scene_field);
+  const auto stride = static_cast<std::size_t>(CodeStride(MlpOptionsOf(field.options()).direction_inputs));
+  Codes codes;
+  field.EncodePositions(shard.samples.sorted, 0, kRays * kSamples, &codes.position);
+  codes.direction.resize(stride * kRays * kSamples);
+  for (std::size_t i = 0; i < kRays * kSamples; ++i)
+    field.EncodeDirection(shard.batch.rays[i / kSamples].ray.direction, &codes.direction[i * stride]);
+  return codes;
 }
 
 // The gradient of each weight matrix and bias vector, in the order of the golden values.
@@ -122,15 +142,16 @@ std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
 TEST(NerfGolden, DistancesAndCodesAreThePapers) {
   const auto scene_field = GoldenField(false);
   const MlpShard shard = GoldenShard(*scene_field);
-  EXPECT_LE(MaxError(Doubles(shard.samples.t), Values("distances")), 1e-9);
+  EXPECT_LE(MaxError(Doubles(shard.samples.sorted.t), Values("distances")), 1e-9);
+  const Codes codes = CodesOf(*scene_field, shard);
   const std::vector<double> position = Values("position_codes"), direction = Values("direction_codes");
   double worst = 0;
   for (std::size_t i = 0; i < position.size(); ++i) {  // every second sample of the first rays is stored
-    const float code = shard.position_codes[i / 63 * 2 * 64 + i % 63];
+    const float code = codes.position[i / 63 * 2 * 64 + i % 63];
     worst = std::max(worst, std::fabs(code - position[i]));
   }
   for (std::size_t i = 0; i < direction.size(); ++i) {
-    const float code = shard.direction_codes[i / 27 * kSamples * 32 + i % 27];
+    const float code = codes.direction[i / 27 * kSamples * 32 + i % 27];
     worst = std::max(worst, std::fabs(code - direction[i]));
   }
   std::printf("codes: largest error %.1e\n", worst);
@@ -140,27 +161,28 @@ TEST(NerfGolden, DistancesAndCodesAreThePapers) {
 TEST(NerfGolden, OutputsWeightsAndLossAreThePapers) {
   const auto scene_field = GoldenField(false);
   const MlpShard shard = GoldenShard(*scene_field);
-  std::vector<float> raw(kRays * kSamples), logits(3 * raw.size());
-  dynamic_cast<MlpField&>(*scene_field->field)
+  const Codes codes = CodesOf(*scene_field, shard);
+  constexpr int kRows = kRays * kSamples;
+  std::vector<float> raw(kRows), logits(3 * kRows), tau(kRows), weights(kRows), rgb(3 * kRows);
+  FieldOf(*scene_field)
       .network(0)
-      .Query(kRays * kSamples,
-             shard.position_codes.data(),
-             shard.direction_codes.data(),
-             raw.data(),
-             logits.data());
+      .Query(kRows, codes.position.data(), codes.direction.data(), raw.data(), logits.data());
+  for (std::size_t i = 0; i < kRows; ++i)
+    tau[i] = Density(DensityActivation::kRelu, raw[i]) * shard.samples.sorted.delta[i];
+  for (std::size_t i = 0; i < 3 * kRows; ++i) rgb[i] = Sigmoid(logits[i]);
+  Opacities(kRows, tau.data(), weights.data());
   std::vector<double> colours;
-  for (std::size_t r = 0; r < kRays; ++r) {
-    float colour[3], opacity = 0;
-    const float* weights = &shard.weights[r * kSamples];
-    CompositeColour(kSamples, weights, &shard.rgb[3 * r * kSamples], colour);
-    for (int i = 0; i < kSamples; ++i) opacity += weights[i];
-    for (const float c : colour) colours.push_back(c + (1 - opacity));
+  for (std::size_t first = 0; first < kRows; first += kSamples) {
+    float colour[3];
+    const float end = WeightsFromOpacities(kSamples, &tau[first], &weights[first]);
+    CompositeColour(kSamples, &weights[first], &rgb[3 * first], colour);
+    for (const float c : colour) colours.push_back(c + end);
   }
   const double errors[] = {RelativeL2(Doubles(raw), Values("raw")),
                            RelativeL2(Doubles(logits), Values("logits")),
-                           RelativeL2(Doubles(shard.weights), Values("weights")),
+                           RelativeL2(Doubles(weights), Values("weights")),
                            RelativeL2(colours, Values("colours")),
-                           std::fabs(shard.loss / kRays / Golden()["loss"].get<double>() - 1)};
+                           std::fabs(shard.loss.loss / kRays / Golden()["loss"].get<double>() - 1)};
   const char* names[] = {"raw density", "colour logits", "weights", "colours", "loss"};
   for (std::size_t i = 0; i < std::size(errors); ++i) {
     std::printf("%s: relative error %.1e\n", names[i], errors[i]);
@@ -204,7 +226,7 @@ TEST(NerfGolden, TheGradientOfEveryTensorIsThePapers) {
 TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
   const auto exact_field = GoldenField(false), field = GoldenField(true);
   const MlpShard exact_shard = GoldenShard(*exact_field, kBf16Rays), shard = GoldenShard(*field, kBf16Rays);
-  EXPECT_NEAR(shard.loss / exact_shard.loss, 1, 1e-2);
+  EXPECT_NEAR(shard.loss.loss / exact_shard.loss.loss, 1, 1e-2);
   const auto exact = Tensors(exact_shard.gradients), rounded = Tensors(shard.gradients);
   double worst = 1;
   for (std::size_t k = 0; k < exact.size(); ++k) {
@@ -213,7 +235,7 @@ TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
   }
   std::printf("bf16: smallest cosine of a tensor %.6f, loss %.1e off\n",
               worst,
-              std::fabs(shard.loss / exact_shard.loss - 1));
+              std::fabs(shard.loss.loss / exact_shard.loss.loss - 1));
 }
 
 // N23: Adam included.

@@ -175,12 +175,12 @@ TEST(Numerics, EveryPairOfDensityAndLengthGivesFiniteLightAndGradients) {
   for (const float sigma : {0.f, 1e-30f, 1e-10f, 1.f, 1e10f, 1e30f}) {
     for (const float delta : {1e-30f, 1e-10f, 1.f, 1e10f}) {
       for (std::size_t place = 0; place < 3; ++place) {
-        Floats tau = {0.5f, 0.5f, 0.5f}, weights(3), rgb = {0, 0.5f, 1, 1, 0, 0.5f, 0.5f, 1, 0};
+        Floats tau = {0.5f, 0.5f, 0.5f}, rgb = {0, 0.5f, 1, 1, 0, 0.5f, 0.5f, 1, 0};
         tau[place] = sigma * delta;  // up to infinity
         Floats alpha = tau;
         kernels.one_minus_exp_neg(3, alpha.data());
-        const float end = Transmittance(3, tau.data(), weights.data());
-        for (std::size_t i = 0; i < 3; ++i) weights[i] *= alpha[i];
+        Floats weights = alpha;
+        const float end = WeightsFromOpacities(3, tau.data(), weights.data());
         if (tau[place] >= 104) {
           EXPECT_EQ(alpha[place], 1.f);
           EXPECT_EQ(end, 0.f);
@@ -201,11 +201,17 @@ TEST(Numerics, EveryPairOfDensityAndLengthGivesFiniteLightAndGradients) {
 }
 
 Floats WeightsOf(const Floats& tau, float* end) {
-  Floats alpha = tau, weights(tau.size());
-  *end = Transmittance(static_cast<int>(tau.size()), tau.data(), weights.data());
-  kernels::ActiveKernels().one_minus_exp_neg(static_cast<int>(tau.size()), alpha.data());
-  for (std::size_t i = 0; i < tau.size(); ++i) weights[i] *= alpha[i];
+  Floats weights = tau;
+  kernels::ActiveKernels().one_minus_exp_neg(static_cast<int>(tau.size()), weights.data());
+  *end = WeightsFromOpacities(static_cast<int>(tau.size()), tau.data(), weights.data());
   return weights;
+}
+
+// Before each sample: the weight that it would have with an opacity of 1.
+Floats TransmittancesOf(const Floats& tau, float* end) {
+  Floats transmittances(tau.size(), 1.f);
+  *end = WeightsFromOpacities(static_cast<int>(tau.size()), tau.data(), transmittances.data());
+  return transmittances;
 }
 
 // N03
@@ -213,8 +219,8 @@ TEST(Numerics, TransmittanceFallsSteadilyAndOpacityIsThatOfTheClosedForm) {
   constexpr int kCount = 1024;
   for (double total = 1e-6; total <= 200; total *= 1.3) {
     const Floats tau(kCount, static_cast<float>(total / kCount));
-    Floats transmittance(kCount);
-    const float last = Transmittance(kCount, tau.data(), transmittance.data());
+    float last;
+    const Floats transmittance = TransmittancesOf(tau, &last);
     for (std::size_t i = 1; i < kCount; ++i) {
       ASSERT_GE(transmittance[i], 0.f);
       ASSERT_LE(transmittance[i], transmittance[i - 1]);
@@ -270,8 +276,8 @@ TEST(Numerics, LightBehindTheStopChangesAColourByNoMoreThanItsShare) {
     };
     const auto full = shown(kSamples);
     for (const float stop : {1e-2f, 1e-3f, 1e-4f, 1e-6f}) {
-      Floats transmittance(kSamples);
-      Transmittance(kSamples, tau.data(), transmittance.data());
+      float end;
+      const Floats transmittance = TransmittancesOf(tau, &end);
       const auto n = static_cast<std::size_t>(
           std::find_if(transmittance.begin(), transmittance.end(), [&](float t) { return t < stop; }) -
           transmittance.begin());
@@ -301,8 +307,9 @@ TEST(Numerics, NotANumberPassesActivationsQuadratureAndLoss) {
     }
   });
   const float tau[3] = {0.1f, kNaN, 0.2f}, white[3] = {1, 1, 1}, colour[3] = {0, kNaN, 0};
-  float transmittance[3];
-  const float end = Transmittance(3, tau, transmittance);
+  float weights[3];
+  Opacities(3, tau, weights);
+  const float end = WeightsFromOpacities(3, tau, weights);
   EXPECT_TRUE(std::isnan(end));
   EXPECT_TRUE(std::isnan(RandomBackgroundLoss(white, end, {{0, 0, 0}, 1}).loss));
   EXPECT_TRUE(std::isnan(RandomBackgroundLoss(colour, 0.f, {{0, 0, 0}, 1}).loss));

@@ -230,8 +230,8 @@ double Render(const Density& density, int n, io::Random* random, bool open_end) 
     tau.push_back(density(t[i]) * delta[i]);
     rgb.insert(rgb.end(), 3, 0.5 + 0.5 * std::sin(3 * t[i]));
   }
-  Transmittance(n, tau.data(), weights.data());
-  for (std::size_t i = 0; i < t.size(); ++i) weights[i] *= -std::expm1(-tau[i]);
+  Opacities(n, tau.data(), weights.data());
+  WeightsFromOpacities(n, tau.data(), weights.data());
   double colour[3];
   CompositeColour(n, weights.data(), rgb.data(), colour);
   return colour[0];

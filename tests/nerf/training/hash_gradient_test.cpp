@@ -124,21 +124,17 @@ class HashGradientTest : public testing::Test {
                          .full_gradient_distance = full_gradient_distance,
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
-    TrainShard(LoadDataset(scene_, 1),
-               field_.grid(),
-               std::get<HashNetwork<Real>>(field_.network()),
-               sampler,
-               plan,
-               0,
-               &scratch_,
-               &result_);
+    const Dataset dataset = LoadDataset(scene_, 1);
+    const HashShardContext<Real> context{
+        dataset, field_.grid(), std::get<HashNetwork<Real>>(field_.network()), sampler, plan};
+    RunHashShard(context, 0, &scratch_, &shard_);
   }
 
   // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
   double TrainTwin(int pixel_rays, float distortion, float full_gradient_distance) {
-    const Samples& samples = result_.samples;
+    const Samples& samples = shard_.samples.sorted;
     const std::vector<BatchRay>& rays = scratch_.batch.rays;
-    std::vector<double> harmonics, deltas(scratch_.delta.begin(), scratch_.delta.begin() + samples.size());
+    std::vector<double> harmonics, deltas(samples.delta.begin(), samples.delta.end());
     for (const BatchRay& ray : rays) {
       const double d[3] = {ray.ray.direction[0], ray.ray.direction[1], ray.ray.direction[2]};
       double values[kHarmonics];
@@ -148,7 +144,7 @@ class HashGradientTest : public testing::Test {
     Outputs outputs = Network(
         Encode(field_.grid().levels(), samples, table_), Doubles(harmonics).view({-1, kHarmonics}), weights_);
     if (full_gradient_distance > 0) {
-      std::vector<double> shares(scratch_.t.begin(), scratch_.t.begin() + samples.size());
+      std::vector<double> shares(samples.t.begin(), samples.t.end());
       for (double& share : shares) share = std::pow(std::min(share / full_gradient_distance, 1.0), 2);
       const at::Tensor share = Doubles(shares);
       outputs.sigma = share * outputs.sigma + (1 - share) * outputs.sigma.detach();
@@ -178,10 +174,11 @@ class HashGradientTest : public testing::Test {
 
   // Of a ray with the given weights and the samples from `first` on, by its definition.
   at::Tensor Distortion(const at::Tensor& weights, std::size_t first) const {
+    const Samples& samples = shard_.samples.sorted;
     std::vector<double> places, lengths;
     for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i) {
-      places.push_back(std::log(double{scratch_.t[i]}));
-      lengths.push_back(double{scratch_.delta[i]} / double{scratch_.t[i]});
+      places.push_back(std::log(double{samples.t[i]}));
+      lengths.push_back(double{samples.delta[i]} / double{samples.t[i]});
     }
     const at::Tensor s = Doubles(places), between = (s.unsqueeze(0) - s.unsqueeze(1)).abs();
     return weights.dot(between.mv(weights)) + (weights * weights).dot(Doubles(lengths)) / 3;
@@ -194,11 +191,11 @@ class HashGradientTest : public testing::Test {
     for (std::size_t l = 0; l < levels.size(); ++l) {
       kernels::ActiveKernels().Network<Real>().scatter(
           levels[l],
-          &result_.feature_gradients[l * result_.feature_gradient_stride],
-          result_.samples.x.data(),
-          result_.samples.y.data(),
-          result_.samples.z.data(),
-          result_.samples.size(),
+          &shard_.feature_gradients[l * shard_.feature_gradient_stride],
+          shard_.samples.sorted.x.data(),
+          shard_.samples.sorted.y.data(),
+          shard_.samples.sorted.z.data(),
+          shard_.samples.sorted.size(),
           &gradient[levels[l].first_entry * kernels::kFeatures]);
     }
     return gradient;
@@ -215,8 +212,8 @@ class HashGradientTest : public testing::Test {
   OccupancyGrid grid_;
   HashField field_;
   at::Tensor table_, weights_;
-  ShardScratch<Real> scratch_;
-  ShardResult<Real> result_;
+  HashShardScratch<Real> scratch_;
+  HashShard<Real> shard_;
 };
 using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashGradientTest, Reals);
@@ -230,12 +227,12 @@ TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
     SCOPED_TRACE(testing::Message() << c.pixel_rays << " rays, distortion " << c.distortion
                                     << ", whole gradients from " << c.full_gradient_distance);
     this->Train(c.pixel_rays, c.distortion, c.full_gradient_distance);
-    ASSERT_TRUE(this->result_.finite);
-    ASSERT_GT(this->result_.samples.size(), 500);
+    ASSERT_FALSE(this->shard_.loss.bad_ray);
+    ASSERT_GT(this->shard_.samples.sorted.size(), 500);
     this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
     const double loss = this->TrainTwin(c.pixel_rays, c.distortion, c.full_gradient_distance);
-    EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
-    EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
+    EXPECT_NEAR(this->shard_.loss.loss, loss, this->kTolerance * loss);
+    EXPECT_LT(this->RelativeError(this->shard_.weight_gradients, this->weights_.grad()), this->kTolerance);
     EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
   }
 }
