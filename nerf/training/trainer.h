@@ -41,11 +41,12 @@ struct TrainOptions {
   std::optional<TrainingSchedule> schedule;  // `hash`; otherwise by what time or steps afford
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
-  MlpTrainOptions nerf;
+  MlpTrainOptions mlp;
 };
 
 // options.schedule, or the best known for options.time_s or options.steps; with the rate and the table size
-// that were given. Without alpha, as photographs are, several rays per pixel gained nothing (nerf/EXPERIMENTS.md).
+// that were given. Without alpha, as photographs are, several rays per pixel gained nothing
+// (nerf/EXPERIMENTS.md).
 TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha);
 
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,
