@@ -1,5 +1,5 @@
-// The state of a training run in one file: field, Adam moments, occupancy, schedule. Our own format, without
-// code:
+// The state of a training run in one file: field, Adam moments, occupancy, schedule. A format of our own that
+// holds data alone, so that reading a file never runs code from it:
 //   8 bytes magic "NERFCKP4", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
 //   tensors (float32, and bytes for the occupancy grid's distances).
 // The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
@@ -31,7 +31,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
 // Throws kBadState naming the check that failed: length, magic, header, tensor sizes, hashes.
 std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state);
 
-// The kind of field in a checkpoint, "hash" or "nerf", from its header alone. Throws as ReadCheckpoint.
-std::string CheckpointField(const std::filesystem::path& path);
+// The kind of field in a checkpoint, from its header alone. Throws as ReadCheckpoint.
+FieldKind KindOfCheckpoint(const std::filesystem::path& path);
 
 }  // namespace nerf

@@ -14,6 +14,11 @@ constexpr float kBeta1 = 0.9f, kBeta2 = 0.999f, kEpsilon = 1e-8f;
 constexpr int kMaxFrequencies = 20;  // 2^20 exceeds what a float position resolves
 constexpr int kMaxSamples = 1 << 14;
 
+// Rows of codes, the network's inputs. Scratch of one thread, reused.
+struct CodeRows {
+  std::vector<float> position_codes, direction_codes, ray_codes;
+};
+
 template <typename T>
 void Grow(std::vector<T>* v, std::size_t size) {
   if (v->size() < size) v->resize(size);
@@ -138,7 +143,7 @@ void MlpField::EncodeDirection(const float direction[3], float* code) const {
 }
 
 void MlpField::QueryDensity(const Samples& samples, float* sigma) const {
-  thread_local NerfRows rows;
+  thread_local CodeRows rows;
   const Mlp& network = *networks_.back();
   const int n = samples.size(), chunk = network.ChunkRows();
   for (int first = 0; first < n; first += chunk) {
@@ -156,7 +161,7 @@ void MlpField::Query(const Samples& samples,
                      const ColourFilter& filter,
                      float* sigma,
                      float* rgb) const {
-  thread_local NerfRows rows;
+  thread_local CodeRows rows;
   const Mlp& network = *networks_[static_cast<std::size_t>(pass)];
   const auto stride = static_cast<std::size_t>(CodeStride(mlp_.direction_inputs));
   Grow(&rows.ray_codes, rays.size() * stride);

@@ -13,12 +13,12 @@
 
 namespace nerf {
 
-// The defaults train best; ReportNerfOptions() are the report's.
+// The defaults train best; ReportTrainOptions() has the report's values.
 struct MlpFieldOptions {
   EncodingOptions position = {.frequencies = 10};
   EncodingOptions direction = {.frequencies = 4, .times_pi = false};
-  // Positions are encoded in the cube of the scene's map, which fills [-1, 1] (contracted space: [-2, 2]), or
-  // in scene units.
+  // Positions are encoded in scene units; else in those of the scene's cube, which fills [-1, 1]. Contracted
+  // space around it then fills [-2, 2].
   bool scene_units = false;
   DensityActivation density = DensityActivation::kSoftplus;
   Initialisation initialisation = Initialisation::kXavier;
@@ -30,19 +30,13 @@ struct MlpFieldOptions {
 
 MlpOptions MlpOptionsOf(const MlpFieldOptions& options);
 
-// What one thread needs to go from samples to rows of the network; reused.
-struct NerfRows {
-  std::vector<float> position_codes, direction_codes, ray_codes;
-  std::vector<float> density, logits;
-};
-
 class MlpField : public RadianceField {
  public:
   MlpField(const MlpFieldOptions& options, bool contracted, std::uint64_t seed);
   // From a checkpoint's values. Throws kBadState for values out of range.
   explicit MlpField(const FieldConfig& config);
 
-  std::string kind() const override { return "nerf"; }
+  FieldKind kind() const override { return FieldKind::kMlp; }
   FieldConfig Config() const override;
   std::vector<Tensor> State() override;
   void Refresh() override;

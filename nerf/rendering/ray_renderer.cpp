@@ -27,7 +27,7 @@ struct Scratch {
   MarchingRays marching;
   std::vector<int> ray_of, active_of;  // of each sample
   AlignedVector<float> sigma, rgb, weights;
-  AlignedVector<float> opacity, transmittance;  // of a sample alone, and behind it
+  AlignedVector<float> opacity, transmittance, tau;  // of a sample alone, behind it, optical depth
   std::vector<std::uint8_t> wanted;
   std::vector<RayState> active;
   std::vector<float> t, delta;
@@ -35,7 +35,7 @@ struct Scratch {
   void Resize() {
     const auto n = static_cast<std::size_t>(samples.size());
     sigma.resize(n), rgb.resize(3 * n), weights.resize(n), wanted.resize(n);
-    opacity.resize(n), transmittance.resize(n);
+    opacity.resize(n), transmittance.resize(n), tau.resize(n);
   }
 };
 
@@ -45,10 +45,6 @@ float Absorb(float opacity, float transmittance, float t, RenderedRay* ray) {
   ray->depth += weight * t;
   ray->transmittance = transmittance;
   return weight;
-}
-
-void AddColour(float weight, const float* rgb, RenderedRay* ray) {
-  for (int j = 0; j < 3; ++j) ray->rgb[j] += weight * rgb[j];
 }
 
 // Marches up to kWaveSamples further samples of every active ray.
@@ -97,22 +93,24 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
   scene_field.field->Query(
       scratch->samples, rays, scratch->ray_of, 0, filter, scratch->sigma.data(), scratch->rgb.data());
   for (std::size_t i = 0; i < scratch->weights.size(); ++i) {
-    if (scratch->wanted[i]) AddColour(scratch->weights[i], &scratch->rgb[3 * i], &out[scratch->ray_of[i]]);
+    if (!scratch->wanted[i]) continue;
+    for (std::size_t j = 0; j < 3; ++j)
+      out[scratch->ray_of[i]].rgb[j] += scratch->weights[i] * scratch->rgb[3 * i + j];
   }
 }
 
 void RenderPruned(const SceneField& scene_field,
                   std::span<const Ray> rays,
-                  int pixel_rays,
+                  int samples_per_pixel,
                   float step_scale,
                   Scratch* scratch,
                   RenderedRay* out) {
-  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
+  const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
   scratch->active.clear();
   for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
     RayState state{.index = i, .t = 0, .t_last = 0};
     sampler.Range(rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
-    const float share = static_cast<float>(i % pixel_rays) / static_cast<float>(pixel_rays);
+    const float share = static_cast<float>(i % samples_per_pixel) / static_cast<float>(samples_per_pixel);
     state.t += share * sampler.Delta(step_scale, state.t);
     out[i] = {{0, 0, 0}, 1, 0};
     scratch->active.push_back(state);
@@ -136,49 +134,65 @@ void RenderPruned(const SceneField& scene_field,
   }
 }
 
+// A ray with n samples from `first` on, whose densities and colours are known; their weights stay in the
+// scratch.
+RenderedRay CompositeRay(std::size_t first, std::size_t n, float far, Scratch* scratch) {
+  float *tau = scratch->tau.data() + first, *weights = scratch->weights.data() + first;
+  const float *delta = scratch->samples.delta.data() + first, *t = scratch->samples.t.data() + first;
+  for (std::size_t i = 0; i < n; ++i) tau[i] = scratch->sigma[first + i] * delta[i];
+  Opacities(static_cast<int>(n), tau, weights);
+  RenderedRay ray = {};
+  ray.transmittance = WeightsFromOpacities(static_cast<int>(n), tau, weights);
+  CompositeColour(static_cast<int>(n), weights, scratch->rgb.data() + 3 * first, ray.rgb);
+  for (std::size_t i = 0; i < n; ++i) ray.depth += weights[i] * t[i];
+  ray.depth += ray.transmittance * far;
+  return ray;
+}
+
+// Places the samples of all rays at the distances t and asks the field about them.
+void QueryBins(const SceneField& scene_field,
+               std::span<const Ray> rays,
+               const std::vector<std::vector<float>>& t,
+               int pass,
+               Scratch* scratch) {
+  const SamplerOptions& range = scene_field.sampler_options;
+  const Sampler sampler(range, scene_field.contraction, scene_field.grid);
+  const bool open_end = scene_field.field->quadrature().open_end;
+  scratch->samples.clear();
+  scratch->ray_of.clear();
+  for (std::size_t r = 0; r < rays.size(); ++r) {
+    IntervalLengths(range.near, range.far, open_end, t[r], &scratch->delta);
+    sampler.Place(rays[r], t[r], scratch->delta, &scratch->samples);
+    scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), static_cast<int>(r));
+  }
+  scratch->Resize();
+  const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
+  scene_field.field->Query(
+      scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
+}
+
 // Every ray at the midpoints of its bins; with importance samples, a first network finds where they go.
 void RenderStratified(const SceneField& scene_field,
                       std::span<const Ray> rays,
                       Scratch* scratch,
                       RenderedRay* out) {
   const QuadratureOptions quadrature = scene_field.field->quadrature();
-  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
   const float near = scene_field.sampler_options.near, far = scene_field.sampler_options.far;
-  const int n_rays = static_cast<int>(rays.size());
   std::vector<std::vector<float>> t(rays.size());
   for (std::vector<float>& distances : t)
     StratifiedDistances(near, far, quadrature.n_samples, nullptr, &distances);
   const int n_passes = quadrature.n_importance > 0 ? 2 : 1;
   for (int pass = 0; pass < n_passes; ++pass) {
-    scratch->samples.clear();
-    scratch->ray_of.clear();
-    for (int r = 0; r < n_rays; ++r) {
-      const std::vector<float>& distances = t[static_cast<std::size_t>(r)];
-      IntervalLengths(near, far, quadrature.open_end, distances, &scratch->delta);
-      sampler.Place(rays[static_cast<std::size_t>(r)], distances, scratch->delta, &scratch->samples);
-      scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), r);
-    }
-    scratch->Resize();
-    const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
-    scene_field.field->Query(
-        scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
+    QueryBins(scene_field, rays, t, pass, scratch);
     std::size_t first = 0;
-    for (int r = 0; r < n_rays; ++r) {
-      std::vector<float> weights;
-      float optical_depth = 0;
-      out[r] = {{0, 0, 0}, 1, 0};
-      for (const std::size_t last = first + t[static_cast<std::size_t>(r)].size(); first < last; ++first) {
-        const float tau = scratch->sigma[first] * scratch->samples.delta[first];
-        optical_depth += tau;
-        weights.push_back(
-            Absorb(-std::expm1(-tau), std::exp(-optical_depth), scratch->samples.t[first], &out[r]));
-        AddColour(weights.back(), &scratch->rgb[3 * first], &out[r]);
-      }
-      out[r].depth += out[r].transmittance * far;
-      if (pass + 1 < n_passes) {
-        AddImportanceSamples(
-            near, far, weights, quadrature.n_importance, nullptr, &t[static_cast<std::size_t>(r)]);
-      }
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      const std::size_t n = t[r].size();
+      out[r] = CompositeRay(first, n, far, scratch);
+      const float* weights = scratch->weights.data() + first;
+      first += n;
+      if (pass + 1 == n_passes) continue;
+      AddImportanceSamples(
+          near, far, std::vector<float>(weights, weights + n), quadrature.n_importance, nullptr, &t[r]);
     }
   }
 }
@@ -187,13 +201,13 @@ void RenderStratified(const SceneField& scene_field,
 
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
-                                    int pixel_rays,
+                                    int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
   const bool stratified = scene_field.field->quadrature().n_samples > 0;
-  const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / pixel_rays * pixel_rays;
+  const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / samples_per_pixel * samples_per_pixel;
   const int n_tasks = (static_cast<int>(rays.size()) + per_task - 1) / per_task;
   workers->Run(n_tasks, [&](int task, int thread) {
     const std::size_t first = static_cast<std::size_t>(task) * static_cast<std::size_t>(per_task);
@@ -203,7 +217,7 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
     if (stratified) {
       RenderStratified(scene_field, mine, own, &out[first]);
     } else {
-      RenderPruned(scene_field, mine, pixel_rays, step_scale, own, &out[first]);
+      RenderPruned(scene_field, mine, samples_per_pixel, step_scale, own, &out[first]);
     }
   });
   return out;
@@ -211,17 +225,18 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
 
 std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       std::span<const CameraPixel> pixels,
-                                      int pixel_rays,
+                                      int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers) {
-  const auto n = static_cast<std::size_t>(pixel_rays);
+  const auto n = static_cast<std::size_t>(samples_per_pixel);
   std::vector<Ray> rays(pixels.size() * n);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const CameraPixel& pixel = pixels[i / n];
-    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), pixel_rays);
+    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), samples_per_pixel);
     rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
   }
-  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, pixel_rays, step_scale, workers);
+  const std::vector<RenderedRay> rendered =
+      RenderRays(scene_field, rays, samples_per_pixel, step_scale, workers);
   const float share = 1.f / static_cast<float>(n);
   std::vector<RenderedRay> means(pixels.size());
   for (std::size_t i = 0; i < rendered.size(); ++i) {

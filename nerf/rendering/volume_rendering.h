@@ -34,15 +34,22 @@ struct PixelTarget {
   const float* background = nullptr;  // [3], of the fixed background; null: random
 };
 
-// Transmittance before each of n samples and at the end, from optical depths. Returns T_end.
+// Opacities of n samples alone. kernels::Kernels::one_minus_exp_neg is the fast version.
 template <typename Scalar>
-Scalar Transmittance(int n, const Scalar* tau, Scalar* transmittance) {
-  Scalar depth = 0;
+void Opacities(int n, const Scalar* tau, Scalar* opacities) {
+  for (int i = 0; i < n; ++i) opacities[i] = -std::expm1(-tau[i]);
+}
+
+// Turns the opacities of n samples of a ray, in `weights`, into their weights. Returns T_end.
+template <typename Scalar>
+Scalar WeightsFromOpacities(int n, const Scalar* tau, Scalar* weights) {
+  Scalar depth = 0, transmittance = 1;
   for (int i = 0; i < n; ++i) {
-    transmittance[i] = std::exp(-depth);
+    weights[i] *= transmittance;
     depth += tau[i];
+    transmittance = std::exp(-depth);
   }
-  return std::exp(-depth);
+  return transmittance;
 }
 
 // The loss of one pixel and its derivatives.

@@ -12,6 +12,17 @@ int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int h
   return static_cast<int>(std::clamp(std::clamp(n, 0.5 * n_rays, 2.0 * n_rays), double(low), double(high)));
 }
 
+void AddLoss(const ShardLoss& shard, double n_pixels, StepOutcome* outcome) {
+  outcome->loss += shard.loss / n_pixels;
+  outcome->opacity += shard.opacity / n_pixels;
+  outcome->squared_error += shard.squared_error / (3.0 * n_pixels);
+}
+
+void VisitCells(const ShardSamples& samples, OccupancyGrid* grid) {
+  for (std::size_t i = 0; i < samples.visited_cell.size(); ++i)
+    grid->Visit(samples.visited_cell[i], samples.visited_sigma[i]);
+}
+
 void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
                     std::uint64_t stride,
                     std::uint64_t turn,

@@ -8,6 +8,7 @@
 #include "nerf/data/dataset.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/fields/scene_field.h"
+#include "nerf/training/pixel_gradients.h"
 
 namespace nerf {
 
@@ -17,7 +18,7 @@ struct StepOutcome {
   std::uint64_t n_rays = 0, n_samples = 0;
   double loss = 0, squared_error = 0, opacity = 0;  // means over rays; squared_error over channels as well
   double flop = 0;                                  // of the network, where it dominates; else 0
-  // Not empty: a value was not finite; names it and its ray. Nothing was changed then.
+  // Not empty: a value was not finite; names it and its ray. Field and optimiser are then as before.
   std::string fault;
 };
 
@@ -29,7 +30,8 @@ class FieldTraining {
   virtual StepOutcome Step(double progress, TrainState* state) = 0;
   // What computes: "avx512 kernels", "LibTorch 1.13.0 (CPU), bf16".
   virtual std::string Arithmetic() const = 0;
-  // The machine's rate of the products that the network consists of, measured now; 0 where nobody asks.
+  // How fast the machine computes matrix products of the network's size, measured now; 0: not measured for
+  // this kind of field.
   virtual double GemmGflops() const { return 0; }
 };
 
@@ -38,16 +40,22 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 io::Workers* workers);
-std::unique_ptr<FieldTraining> MakeNerfTraining(const Dataset& dataset,
-                                                const TrainOptions& options,
-                                                SceneField* scene_field,
-                                                io::Workers* workers);
+std::unique_ptr<FieldTraining> MakeMlpTraining(const Dataset& dataset,
+                                               const TrainOptions& options,
+                                               SceneField* scene_field,
+                                               io::Workers* workers);
 
 // The next batch aims at `wanted` samples; at most a factor 2 per step, since one batch may be unusual.
 int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high);
 
-// Asks the field at a random point of every `stride`-th candidate cell, another set each `turn`, and
-// remembers the densities. Part of the step number `step`, which must be a multiple of kRebuildEvery.
+// Adds a shard's share of the means over the n_pixels pixels of a batch.
+void AddLoss(const ShardLoss& shard, double n_pixels, StepOutcome* outcome);
+
+// Tells the occupancy grid what marching has seen.
+void VisitCells(const ShardSamples& samples, OccupancyGrid* grid);
+
+// Queries the density at a random point of every `stride`-th candidate cell, of other cells each `turn`, and
+// tells the occupancy grid. seed and step choose the points.
 void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
                     std::uint64_t stride,
                     std::uint64_t turn,

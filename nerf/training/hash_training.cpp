@@ -1,4 +1,6 @@
 // Training steps of the `hash` field: Adam on tables and networks, own kernels throughout.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <variant>
 
@@ -14,11 +16,12 @@ constexpr int kShards = 16;
 // Training follows a ray to a transmittance of 1e-2; in unbounded scenes, where thin leftovers behind the
 // surfaces would take most of the samples, to 2e-2. The loss closes what is left.
 constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
-// Weight of the distortion loss in unbounded scenes, where fog would satisfy the few views of what is far
-// away. It grows over the first share of a run: at full weight from the start it can drive all light into fog
-// right before the cameras.
+// Weight of the distortion loss in unbounded scenes: the few views that see a far place would be satisfied by
+// fog as well. The weight grows over the first share of a run: at full weight from the start it can drive all
+// light into fog right before the cameras.
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
-// In unbounded scenes gradients are whole from here on: `near`, before which no camera has its subject.
+// BatchPlan::full_gradient_distance in unbounded scenes: `near` of normalised ones, since no camera has its
+// subject nearer than that.
 constexpr float kFullGradientDistance = 2;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
@@ -26,7 +29,7 @@ constexpr std::uint64_t kRebuildSamples = 1 << 20;
 // At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every 4th
 // is.
 constexpr std::uint64_t kProbeStride = 16, kFirstProbeStride = 4, kFirstSamples = 1 << 24;
-// Few, so that rays end soon after they became opaque: what is saved buys more rays.
+// Few, so that rays end soon after they became opaque; the time that this saves is spent on more rays.
 constexpr int kWaveSamples = 4;
 
 template <typename Real>
@@ -35,6 +38,8 @@ class HashTraining : public FieldTraining {
   HashTraining(const Dataset& dataset,
                const TrainOptions& options,
                SceneField* scene_field,
+               HashGrid* grid,
+               HashNetwork<Real>* network,
                io::Workers* workers)
       : dataset_(dataset),
         options_(options),
@@ -42,8 +47,8 @@ class HashTraining : public FieldTraining {
         rebuild_every_(std::max<std::uint64_t>(
             1, kRebuildSamples / static_cast<std::uint64_t>(options.samples_per_step))),
         scene_field_(scene_field),
-        grid_(dynamic_cast<HashField&>(*scene_field->field).grid()),
-        network_(std::get<HashNetwork<Real>>(dynamic_cast<HashField&>(*scene_field->field).network())),
+        grid_(*grid),
+        network_(*network),
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
@@ -52,11 +57,14 @@ class HashTraining : public FieldTraining {
 
   StepOutcome Step(double progress, TrainState* state) override;
   std::string Arithmetic() const override {
-    return std::string(kernels::ActiveKernels().name) + " kernels, " + (sizeof(Real) == 2 ? "bf16" : "fp32");
+    return fmt::format("{} kernels, {}", kernels::ActiveKernels().name, sizeof(Real) == 2 ? "bf16" : "fp32");
   }
 
  private:
+  BatchPlan Plan(double progress, const TrainState& state) const;
+  void RunShards(const BatchPlan& plan);
   void Merge(double progress, const TrainState& state);
+  void UpdateOccupancy(std::uint64_t done, std::uint64_t seed);
 
   const Dataset& dataset_;
   const TrainOptions& options_;
@@ -66,59 +74,69 @@ class HashTraining : public FieldTraining {
   HashGrid& grid_;
   HashNetwork<Real>& network_;
   io::Workers* workers_;
-  std::vector<ShardResult<Real>> shards_;
-  std::vector<ShardScratch<Real>> scratch_;
+  std::vector<HashShard<Real>> shards_;
+  std::vector<HashShardScratch<Real>> scratch_;
   std::vector<AlignedVector<float>> table_gradients_;  // of one level, by thread; zero between uses
   std::vector<std::uint32_t> candidates_;              // cells that may hold something
 };
 
 template <typename Real>
-StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  scene_field_->pixel_rays = schedule_.PixelRays(progress);
-  BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
-  plan.pixel_rays = scene_field_->pixel_rays;
-  plan.n_rays = std::max(1, state->n_rays / plan.pixel_rays) * plan.pixel_rays;
+BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) const {
+  BatchPlan plan{.seed = state.seed, .step = state.step, .n_shards = kShards};
+  plan.samples_per_pixel = schedule_.SamplesPerPixel(progress);
+  plan.n_rays = std::max(1, state.n_rays / plan.samples_per_pixel) * plan.samples_per_pixel;
   plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
   plan.wave_samples = kWaveSamples;
-  plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
-  if (scene_field_->map.unbounded) {
+  plan.early_stop_depth = scene_field_->contraction.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
+  if (scene_field_->contraction.unbounded) {
     plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
     plan.full_gradient_distance = kFullGradientDistance;
   }
   plan.min_weight = static_cast<float>(options_.min_weight);
-  const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
+  return plan;
+}
+
+template <typename Real>
+void HashTraining<Real>::RunShards(const BatchPlan& plan) {
+  const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
+  const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int thread) {
-    TrainShard(dataset_,
-               grid_,
-               network_,
-               sampler,
-               plan,
-               shard,
-               &scratch_[static_cast<std::size_t>(thread)],
-               &shards_[static_cast<std::size_t>(shard)]);
+    RunHashShard(context,
+                 shard,
+                 &scratch_[static_cast<std::size_t>(thread)],
+                 &shards_[static_cast<std::size_t>(shard)]);
   });
-  const double n_pixels = static_cast<double>(plan.n_rays) / plan.pixel_rays;
+}
+
+template <typename Real>
+StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
+  const BatchPlan plan = Plan(progress, *state);
+  scene_field_->samples_per_pixel = plan.samples_per_pixel;
+  RunShards(plan);
+  const double n_pixels = static_cast<double>(plan.n_rays) / plan.samples_per_pixel;
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
-  for (const ShardResult<Real>& shard : shards_) {
-    outcome.n_samples += shard.visited_cell.size();
-    outcome.loss += shard.loss / n_pixels;
-    outcome.opacity += shard.opacity / n_pixels;
-    outcome.squared_error += shard.squared_error / (3.0 * n_pixels);
-    if (!shard.finite) {
-      outcome.fault = "loss or gradient of ray " + std::to_string(shard.first_bad_ray);
+  for (const HashShard<Real>& shard : shards_) {
+    outcome.n_samples += shard.samples.visited_cell.size();
+    AddLoss(shard.loss, n_pixels, &outcome);
+    if (shard.loss.bad_ray) {
+      outcome.fault = fmt::format("loss or gradient of ray {}", *shard.loss.bad_ray);
       return outcome;
     }
   }
   Merge(progress, *state);
-  const std::uint64_t done = state->step + 1;
-  if (done % rebuild_every_ == 0) {
-    const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
-    const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
-    ProbeOccupancy(candidates_, stride, done / rebuild_every_, state->seed, done, scene_field_, workers_);
-    scene_field_->grid.Rebuild();
-  }
+  UpdateOccupancy(state->step + 1, state->seed);
   state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
   return outcome;
+}
+
+// After `done` steps.
+template <typename Real>
+void HashTraining<Real>::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
+  if (done % rebuild_every_ != 0) return;
+  const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
+  const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
+  ProbeOccupancy(candidates_, stride, done / rebuild_every_, seed, done, scene_field_, workers_);
+  scene_field_->grid.Rebuild();
 }
 
 // Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and
@@ -135,10 +153,11 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
     if (task < n_levels) {
       float* table_gradients = table_gradients_[static_cast<std::size_t>(thread)].data();
       const int level = n_levels - 1 - task;  // the finest, slowest levels first
-      for (const ShardResult<Real>& shard : shards_) {
+      for (const HashShard<Real>& shard : shards_) {
         const Real* gradients =
             shard.feature_gradients.data() + static_cast<std::size_t>(level) * shard.feature_gradient_stride;
-        grid_.Scatter(level, gradients, shard.samples, shard.samples.size(), table_gradients);
+        const Samples& samples = shard.samples.sorted;
+        grid_.Scatter(level, gradients, samples, samples.size(), table_gradients);
       }
       grid_.Step(level, step, table_gradients);
       return;
@@ -148,10 +167,7 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += shards_[s].weight_gradients[i];
     }
     network_.Step(step, sum.data());
-    for (const ShardResult<Real>& shard : shards_) {
-      for (std::size_t i = 0; i < shard.visited_cell.size(); ++i)
-        scene_field_->grid.Visit(shard.visited_cell[i], shard.visited_sigma[i]);
-    }
+    for (const HashShard<Real>& shard : shards_) VisitCells(shard.samples, &scene_field_->grid);
   });
 }
 
@@ -161,9 +177,12 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 io::Workers* workers) {
-  if (dynamic_cast<HashField&>(*scene_field->field).network().index() == 1)
-    return std::make_unique<HashTraining<kernels::Bf16>>(dataset, options, scene_field, workers);
-  return std::make_unique<HashTraining<float>>(dataset, options, scene_field, workers);
+  HashField& field = dynamic_cast<HashField&>(*scene_field->field);
+  const auto make = [&]<typename Real>(HashNetwork<Real>& network) -> std::unique_ptr<FieldTraining> {
+    return std::make_unique<HashTraining<Real>>(
+        dataset, options, scene_field, &field.grid(), &network, workers);
+  };
+  return std::visit(make, field.network());
 }
 
 }  // namespace nerf

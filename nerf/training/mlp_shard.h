@@ -2,38 +2,35 @@
 // differentiated chunk by chunk through the network by one thread, into buffers of its own.
 #pragma once
 
-#include <string>
 #include <vector>
 
-#include "nerf/fields/scene_field.h"
-#include "nerf/training/ray_batch.h"
+#include "nerf/fields/mlp_field.h"
+#include "nerf/training/pixel_gradients.h"
 
 namespace nerf {
 
+// What all shards of a batch share.
+struct MlpShardContext {
+  const Dataset& dataset;
+  const MlpField& field;
+  const Sampler& sampler;
+  const BatchPlan& plan;
+};
+
 struct MlpShard {
-  double loss = 0, squared_error = 0, opacity = 0;    // sums over rays
-  std::uint64_t n_marched = 0, n_differentiated = 0;  // samples
-  std::string fault;                                  // not empty: the loss of a ray was not finite; names it
-  std::vector<float> gradients;                       // of all networks
-  // Every marched sample, for the occupancy grid.
-  std::vector<std::uint32_t> visited_cell;
-  std::vector<float> visited_sigma;
+  ShardSamples samples;                // of the last pass
+  ShardLoss loss;                      // squared error and opacity: of the last pass alone
+  std::uint64_t n_differentiated = 0;  // samples, of all passes
+  std::vector<float> gradients;        // of all networks
 
   // Scratch, reused.
   RayBatch batch;
-  Samples kept, samples;  // in order of keeping, and sorted by ray
-  std::vector<int> kept_ray;
+  KeptSamples kept;
   std::vector<std::vector<float>> t;  // without grid: distances per ray
-  std::vector<float> sigma, position_codes, direction_codes, ray_codes, delta;
-  std::vector<float> tau, weights, rgb, rgb_gradients, tau_gradients;
+  std::vector<float> position_codes, direction_codes, ray_codes, delta, rgb;
+  PixelGradients pixels;
 };
 
-struct NerfShardContext {
-  const Dataset& dataset;
-  const SceneField& scene_field;
-  const MlpField& field;
-};
-
-void RunNerfShard(const NerfShardContext& context, const BatchPlan& plan, int index, MlpShard* shard);
+void RunMlpShard(const MlpShardContext& context, int index, MlpShard* shard);
 
 }  // namespace nerf

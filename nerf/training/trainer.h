@@ -14,15 +14,15 @@
 
 namespace nerf {
 
-inline constexpr double kNerfLearningRate = 2e-3;
+inline constexpr double kMlpLearningRate = 2e-3;
 
-// What only the `nerf` field has; the defaults train best, ReportTrainOptions() are the report's.
-struct NerfTrainOptions {
+// What only the `nerf` field has. The defaults train best; ReportTrainOptions() has the report's values.
+struct MlpTrainOptions {
   int rays = 4096;  // per step, at most: with the occupancy grid, samples_per_step limits them as well
   int samples_per_step = 1 << 12;
   double learning_rate_final = 0.1;  // last rate / first rate, falling exponentially; 1: constant
   // Steps over which the rate rises to the first one. Without, 6 of 8 seeds on a mostly white scene overshot
-  // into empty space and stayed there; with it none did (tests/nerf_nerf_faults_test.cpp).
+  // into empty space and stayed there; with it none did (tests/nerf/training/mlp_faults_test.cpp).
   int learning_rate_warm_up = 256;
   double first_step_scale = 2.5;  // sampling intervals start this much longer ...
   double step_scale_share = 0.3;  // ... and shrink to 1 within this share of the run
@@ -41,11 +41,12 @@ struct TrainOptions {
   std::optional<TrainingSchedule> schedule;  // `hash`; otherwise by what time or steps afford
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
-  NerfTrainOptions nerf;
+  MlpTrainOptions mlp;
 };
 
 // options.schedule, or the best known for options.time_s or options.steps; with the rate and the table size
-// that were given. Without alpha, as photographs are, several rays per pixel gained nothing (nerf/README.md).
+// that were given. Without alpha, as photographs are, several rays per pixel gained nothing
+// (nerf/EXPERIMENTS.md).
 TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha);
 
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,

@@ -8,6 +8,7 @@
 #include "nerf/training/field_training.h"
 #include "nerf/training/mlp_shard.h"
 #include "nerf/training/trainer.h"
+#include "tests/support/field_tensor.h"
 #include "tests/support/torch_environment.h"
 
 namespace nerf {
@@ -76,16 +77,16 @@ Dataset GoldenDataset() {
 
 TrainOptions GoldenOptions(bool bf16) {
   TrainOptions options = ReportTrainOptions();
-  options.field.nerf.bf16 = bf16;
-  options.field.nerf.quadrature.n_samples = kSamples;
-  options.nerf.rays = kRays;
+  options.field.mlp.bf16 = bf16;
+  options.field.mlp.quadrature.n_samples = kSamples;
+  options.mlp.rays = kRays;
   return options;
 }
 
 std::unique_ptr<SceneField> GoldenField(bool bf16) {
-  const MlpFieldOptions options = GoldenOptions(bf16).field.nerf;
+  const MlpFieldOptions options = GoldenOptions(bf16).field.mlp;
   auto field = std::make_unique<MlpField>(options, false, kSeed);
-  const std::span<float> weights = field->State()[0].values;
+  const std::span<float> weights = tests::TensorOf(field.get(), "weights");
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const auto word = static_cast<double>(io::Random(kSeed, io::Stream::kInit, 0, i).Bits() >> 48);
     weights[i] = static_cast<float>(5. / 32 * (word / 32768 - 1));
@@ -96,20 +97,47 @@ std::unique_ptr<SceneField> GoldenField(bool bf16) {
   return std::make_unique<SceneField>(SceneContraction{{0, 0, 0}, 6, false}, sampling, std::move(field), 64);
 }
 
-MlpShard GoldenShard(const SceneField& scene_field, int n_rays = kRays) {
-  const Dataset dataset = GoldenDataset();
-  const NerfShardContext context{dataset, scene_field, dynamic_cast<MlpField&>(*scene_field.field)};
+const MlpField& FieldOf(const SceneField& scene_field) {
+  return dynamic_cast<const MlpField&>(*scene_field.field);
+}
+
+struct GoldenStep {
+  std::vector<BatchRay> rays;  // before they are sampled
   MlpShard shard;
+};
+
+GoldenStep RunGoldenStep(const SceneField& scene_field, int n_rays = kRays) {
+  const Dataset dataset = GoldenDataset();
+  const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
   BatchPlan plan{.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1};
   plan.background = {1, 1, 1};
-  RunNerfShard(context, plan, 0, &shard);
-  return shard;
+  RayBatch batch;
+  DrawRays(dataset, sampler, plan, 0, &batch);
+  GoldenStep step{batch.rays, {}};
+  RunMlpShard({dataset, FieldOf(scene_field), sampler, plan}, 0, &step.shard);
+  return step;
+}
+
+// Rows that the network sees for the samples of a shard.
+struct Codes {
+  std::vector<float> position, direction;
+};
+
+Codes CodesOf(const SceneField& scene_field, const GoldenStep& step) {
+  const MlpField& field = FieldOf(scene_field);
+  const auto stride = static_cast<std::size_t>(CodeStride(MlpOptionsOf(field.options()).direction_inputs));
+  Codes codes;
+  field.EncodePositions(step.shard.samples.sorted, 0, kRays * kSamples, &codes.position);
+  codes.direction.resize(stride * kRays * kSamples);
+  for (std::size_t i = 0; i < kRays * kSamples; ++i)
+    field.EncodeDirection(step.rays[i / kSamples].ray.direction, &codes.direction[i * stride]);
+  return codes;
 }
 
 // The gradient of each weight matrix and bias vector, in the order of the golden values.
 std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
   std::vector<std::vector<double>> tensors;
-  for (const MlpLayer& layer : Layers(MlpOptionsOf(GoldenOptions(false).field.nerf))) {
+  for (const MlpLayer& layer : Layers(MlpOptionsOf(GoldenOptions(false).field.mlp))) {
     const auto at = gradients.begin();
     const auto weights = at + static_cast<std::ptrdiff_t>(layer.weights),
                biases = at + static_cast<std::ptrdiff_t>(layer.biases);
@@ -119,48 +147,50 @@ std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
   return tensors;
 }
 
-TEST(NerfGolden, DistancesAndCodesAreThePapers) {
+TEST(MlpGolden, DistancesAndCodesAreThePapers) {
   const auto scene_field = GoldenField(false);
-  const MlpShard shard = GoldenShard(*scene_field);
-  EXPECT_LE(MaxError(Doubles(shard.samples.t), Values("distances")), 1e-9);
+  const GoldenStep step = RunGoldenStep(*scene_field);
+  EXPECT_LE(MaxError(Doubles(step.shard.samples.sorted.t), Values("distances")), 1e-9);
+  const Codes codes = CodesOf(*scene_field, step);
   const std::vector<double> position = Values("position_codes"), direction = Values("direction_codes");
   double worst = 0;
   for (std::size_t i = 0; i < position.size(); ++i) {  // every second sample of the first rays is stored
-    const float code = shard.position_codes[i / 63 * 2 * 64 + i % 63];
+    const float code = codes.position[i / 63 * 2 * 64 + i % 63];
     worst = std::max(worst, std::fabs(code - position[i]));
   }
   for (std::size_t i = 0; i < direction.size(); ++i) {
-    const float code = shard.direction_codes[i / 27 * kSamples * 32 + i % 27];
+    const float code = codes.direction[i / 27 * kSamples * 32 + i % 27];
     worst = std::max(worst, std::fabs(code - direction[i]));
   }
   std::printf("codes: largest error %.1e\n", worst);
   EXPECT_LE(worst, 1e-6);
 }
 
-TEST(NerfGolden, OutputsWeightsAndLossAreThePapers) {
+TEST(MlpGolden, OutputsWeightsAndLossAreThePapers) {
   const auto scene_field = GoldenField(false);
-  const MlpShard shard = GoldenShard(*scene_field);
-  std::vector<float> raw(kRays * kSamples), logits(3 * raw.size());
-  dynamic_cast<MlpField&>(*scene_field->field)
+  const GoldenStep step = RunGoldenStep(*scene_field);
+  const Codes codes = CodesOf(*scene_field, step);
+  constexpr int kRows = kRays * kSamples;
+  std::vector<float> raw(kRows), logits(3 * kRows), tau(kRows), weights(kRows), rgb(3 * kRows);
+  FieldOf(*scene_field)
       .network(0)
-      .Query(kRays * kSamples,
-             shard.position_codes.data(),
-             shard.direction_codes.data(),
-             raw.data(),
-             logits.data());
+      .Query(kRows, codes.position.data(), codes.direction.data(), raw.data(), logits.data());
+  for (std::size_t i = 0; i < kRows; ++i)
+    tau[i] = Density(DensityActivation::kRelu, raw[i]) * step.shard.samples.sorted.delta[i];
+  for (std::size_t i = 0; i < 3 * kRows; ++i) rgb[i] = Sigmoid(logits[i]);
+  Opacities(kRows, tau.data(), weights.data());
   std::vector<double> colours;
-  for (std::size_t r = 0; r < kRays; ++r) {
-    float colour[3], opacity = 0;
-    const float* weights = &shard.weights[r * kSamples];
-    CompositeColour(kSamples, weights, &shard.rgb[3 * r * kSamples], colour);
-    for (int i = 0; i < kSamples; ++i) opacity += weights[i];
-    for (const float c : colour) colours.push_back(c + (1 - opacity));
+  for (std::size_t first = 0; first < kRows; first += kSamples) {
+    float colour[3];
+    const float end = WeightsFromOpacities(kSamples, &tau[first], &weights[first]);
+    CompositeColour(kSamples, &weights[first], &rgb[3 * first], colour);
+    for (const float c : colour) colours.push_back(c + end);
   }
   const double errors[] = {RelativeL2(Doubles(raw), Values("raw")),
                            RelativeL2(Doubles(logits), Values("logits")),
-                           RelativeL2(Doubles(shard.weights), Values("weights")),
+                           RelativeL2(Doubles(weights), Values("weights")),
                            RelativeL2(colours, Values("colours")),
-                           std::fabs(shard.loss / kRays / Golden()["loss"].get<double>() - 1)};
+                           std::fabs(step.shard.loss.loss / kRays / Golden()["loss"].get<double>() - 1)};
   const char* names[] = {"raw density", "colour logits", "weights", "colours", "loss"};
   for (std::size_t i = 0; i < std::size(errors); ++i) {
     std::printf("%s: relative error %.1e\n", names[i], errors[i]);
@@ -168,10 +198,9 @@ TEST(NerfGolden, OutputsWeightsAndLossAreThePapers) {
   }
 }
 
-// N33
-TEST(NerfGolden, TheGradientOfEveryTensorIsThePapers) {
+TEST(MlpGolden, TheGradientOfEveryTensorIsThePapers) {
   const auto scene_field = GoldenField(false);
-  const auto tensors = Tensors(GoldenShard(*scene_field).gradients);
+  const auto tensors = Tensors(RunGoldenStep(*scene_field).shard.gradients);
   ASSERT_EQ(tensors.size(), Golden()["gradients"].size());
   double worst = 0;
   for (std::size_t k = 0; k < tensors.size(); ++k) {
@@ -200,11 +229,12 @@ TEST(NerfGolden, TheGradientOfEveryTensorIsThePapers) {
   std::printf("gradients: largest relative error of a tensor %.1e\n", worst);
 }
 
-// N33: bfloat16 against float, which the test above has tied to the paper.
-TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
+// bfloat16 against float, which the test above has tied to the paper.
+TEST(MlpGolden, Bf16GradientsPointTheSameWay) {
   const auto exact_field = GoldenField(false), field = GoldenField(true);
-  const MlpShard exact_shard = GoldenShard(*exact_field, kBf16Rays), shard = GoldenShard(*field, kBf16Rays);
-  EXPECT_NEAR(shard.loss / exact_shard.loss, 1, 1e-2);
+  const MlpShard exact_shard = RunGoldenStep(*exact_field, kBf16Rays).shard,
+                 shard = RunGoldenStep(*field, kBf16Rays).shard;
+  EXPECT_NEAR(shard.loss.loss / exact_shard.loss.loss, 1, 1e-2);
   const auto exact = Tensors(exact_shard.gradients), rounded = Tensors(shard.gradients);
   double worst = 1;
   for (std::size_t k = 0; k < exact.size(); ++k) {
@@ -213,18 +243,18 @@ TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
   }
   std::printf("bf16: smallest cosine of a tensor %.6f, loss %.1e off\n",
               worst,
-              std::fabs(shard.loss / exact_shard.loss - 1));
+              std::fabs(shard.loss.loss / exact_shard.loss.loss - 1));
 }
 
-// N23: Adam included.
-TEST(NerfGolden, TenTrainingStepsHaveTheGoldenLosses) {
+// Adam included.
+TEST(MlpGolden, TenTrainingStepsHaveTheGoldenLosses) {
   const std::vector<double> losses = Values("losses");
   ASSERT_EQ(losses.size(), 10u);
   const Dataset dataset = GoldenDataset();
   const TrainOptions options = GoldenOptions(false);
   const auto scene_field = GoldenField(false);
   io::Workers workers(1);
-  const auto training = MakeNerfTraining(dataset, options, scene_field.get(), &workers);
+  const auto training = MakeMlpTraining(dataset, options, scene_field.get(), &workers);
   double worst = 0;
   TrainState state{.seed = kSeed};
   for (; state.step < losses.size(); ++state.step) {

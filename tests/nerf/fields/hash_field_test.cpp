@@ -1,5 +1,5 @@
-// The hand-written backward pass of the whole field against central differences of its double-precision twin,
-// with networks in float and in bfloat16.
+// The hand-written backward pass of the whole field against central differences of its double-precision
+// reference, with networks in float and in bfloat16.
 #include "nerf/fields/hash_field.h"
 
 #include <gtest/gtest.h>
@@ -9,13 +9,16 @@
 #include "io/base/random.h"
 #include "nerf/fields/spherical_harmonics.h"
 #include "nerf/kernels/reference.h"
+#include "tests/support/field_tensor.h"
 
 namespace nerf {
 namespace {
 
 namespace ref = kernels::reference;
 using kernels::Epilogue;
+using tests::TensorOf;
 using Doubles = std::vector<double>;
+using Net = HashNetwork<float>;
 
 constexpr int kSamples = 7;
 HashFieldOptions Small(bool bf16_network) {
@@ -23,7 +26,7 @@ HashFieldOptions Small(bool bf16_network) {
           .bf16_network = bf16_network};
 }
 
-struct Twin {  // the field's parameters in double, and its equations in order
+struct Reference {  // the field's parameters in double, and its equations in order
   std::vector<kernels::GridLevel> levels;
   Doubles table, weights;
 
@@ -40,16 +43,16 @@ struct Twin {  // the field's parameters in double, and its equations in order
         ref::Encode(levels[l], &table[levels[l].first_entry * 4], &x, &y, &z, 1, &features[4 * l], 32);
       }
       const double* w = weights.data();
-      ref::Matmul<double>(1, 32, 64, features.data(), w, Epilogue::kRelu, nullptr, hidden.data());
-      ref::Matmul<double>(1, 64, 16, hidden.data(), w + 2048, Epilogue::kNone, nullptr, out.data());
+      ref::Matmul<double>(1, 32, 64, features.data(), w + Net::kW1, Epilogue::kRelu, nullptr, hidden.data());
+      ref::Matmul<double>(1, 64, 16, hidden.data(), w + Net::kW2, Epilogue::kNone, nullptr, out.data());
       std::copy(out.begin(), out.end(), in.begin());
       const double d[3] = {directions[s][0], directions[s][1], directions[s][2]};
       SphericalHarmonics(d, &in[16]);
-      ref::Matmul<double>(1, 32, 64, in.data(), w + 3072, Epilogue::kRelu, nullptr, c1.data());
-      ref::Matmul<double>(1, 64, 64, c1.data(), w + 5120, Epilogue::kRelu, nullptr, c2.data());
-      ref::Head(1, 64, c2.data(), w + 9216, logits.data());
+      ref::Matmul<double>(1, 32, 64, in.data(), w + Net::kW3, Epilogue::kRelu, nullptr, c1.data());
+      ref::Matmul<double>(1, 64, 64, c1.data(), w + Net::kW4, Epilogue::kRelu, nullptr, c2.data());
+      ref::Head(1, 64, c2.data(), w + Net::kW5, logits.data());
       for (std::size_t c = 0; c < 3; ++c) sum += a[3 * s + c] * logits[c];
-      sum += b[s] * (out[0] + HashNetwork<float>::kDensityBias);
+      sum += b[s] * (out[0] + Net::kDensityBias);
     }
     return sum;
   }
@@ -64,16 +67,12 @@ class HashFieldTest : public testing::Test {
   static constexpr double kProbeError = kBf16 ? 0.02 : 2e-5, kGradientError = kBf16 ? 0.06 : 1e-5;
 
   HashFieldTest() : field_(Small(kBf16), 5) {
-    for (auto& tensor : field_.State()) {
-      const std::string name = tensor.name;
-      if (name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values.size(); ++i)
-          tensor.values[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
-        twin_.table.assign(tensor.values.begin(), tensor.values.end());
-      }
-      if (name == "weights") twin_.weights.assign(tensor.values.begin(), tensor.values.end());
-    }
-    twin_.levels = field_.grid().levels();
+    const std::span<float> table = TensorOf(&field_, "table"), weights = TensorOf(&field_, "weights");
+    for (std::size_t i = 0; i < table.size(); ++i)  // features of useful size, so that no path is dead
+      table[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
+    reference_.table.assign(table.begin(), table.end());
+    reference_.weights.assign(weights.begin(), weights.end());
+    reference_.levels = field_.grid().levels();
     for (int s = 0; s < kSamples; ++s) {
       io::Random random(11, io::Stream::kInit, 3, 100 * static_cast<std::uint64_t>(s));
       samples_.x.push_back(random.Uniform());
@@ -98,7 +97,7 @@ class HashFieldTest : public testing::Test {
   }
 
   HashField field_;
-  Twin twin_;
+  Reference reference_;
   Samples samples_;
   float directions_[kSamples][3];
   Doubles a_, b_;
@@ -106,7 +105,7 @@ class HashFieldTest : public testing::Test {
 using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashFieldTest, Reals);
 
-TYPED_TEST(HashFieldTest, ForwardMatchesTheTwin) {
+TYPED_TEST(HashFieldTest, ForwardMatchesTheReference) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);
   double sum = 0;
@@ -116,11 +115,10 @@ TYPED_TEST(HashFieldTest, ForwardMatchesTheTwin) {
       sum += this->a_[3 * s + c] * std::log(rows.rgb[3 * s + c] / (1 - rows.rgb[3 * s + c]));
   }
   EXPECT_NEAR(
-      sum, this->twin_.Probe(this->samples_, this->directions_, this->a_, this->b_), this->kProbeError);
+      sum, this->reference_.Probe(this->samples_, this->directions_, this->a_, this->b_), this->kProbeError);
 }
 
-// N33
-TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
+TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheReference) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);
   const std::vector<float> a(this->a_.begin(), this->a_.end()), b(this->b_.begin(), this->b_.end());
@@ -132,16 +130,16 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   const auto difference = [&](double* parameter) {
     const double value = *parameter;
     *parameter = value + kStep;
-    const double above = this->twin_.Probe(this->samples_, this->directions_, this->a_, this->b_);
+    const double above = this->reference_.Probe(this->samples_, this->directions_, this->a_, this->b_);
     *parameter = value - kStep;
-    const double below = this->twin_.Probe(this->samples_, this->directions_, this->a_, this->b_);
+    const double below = this->reference_.Probe(this->samples_, this->directions_, this->a_, this->b_);
     *parameter = value;
     return (above - below) / (2 * kStep);
   };
   double error = 0, norm = 0;
   int checked = 0;
   for (std::size_t i = 0; i < weight_gradients.size(); i += 13, ++checked) {
-    const double exact = difference(&this->twin_.weights[i]);
+    const double exact = difference(&this->reference_.weights[i]);
     error += std::pow(weight_gradients[i] - exact, 2);
     norm += exact * exact;
   }
@@ -152,8 +150,8 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   // Table gradients: scatter the feature gradients in double and compare entry by entry.
   error = norm = 0;
   checked = 0;
-  for (std::size_t l = 0; l < this->twin_.levels.size(); ++l) {
-    const kernels::GridLevel& level = this->twin_.levels[l];
+  for (std::size_t l = 0; l < this->reference_.levels.size(); ++l) {
+    const kernels::GridLevel& level = this->reference_.levels[l];
     Doubles gradient(level.n_entries * 4);
     for (std::size_t s = 0; s < kSamples; ++s) {
       double df[4];
@@ -163,7 +161,7 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
     }
     for (std::size_t i = 0; i < gradient.size(); ++i) {
       if (gradient[i] == 0) continue;
-      const double exact = difference(&this->twin_.table[level.first_entry * 4 + i]);
+      const double exact = difference(&this->reference_.table[level.first_entry * 4 + i]);
       error += std::pow(gradient[i] - exact, 2);
       norm += exact * exact;
       ++checked;
@@ -173,15 +171,11 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   EXPECT_LE(std::sqrt(error / norm), this->kGradientError);
 }
 
-// N15
 TYPED_TEST(HashFieldTest, DensityIsFiniteAndGatedAtTheLimitOfTheExponent) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);
-  for (auto& tensor : this->field_.State()) {
-    if (std::string(tensor.name) == "weights") {
-      for (std::size_t i = 2048; i < 3072; ++i) tensor.values[i] = 1e6f;
-    }
-  }
+  const std::span<float> weights = TensorOf(&this->field_, "weights");
+  for (std::size_t i = Net::kW2; i < Net::kW3; ++i) weights[i] = 1e6f;
   this->field_.Refresh();
   this->network().QueryDensity(&rows);
   this->network().QueryColour(&rows);

@@ -68,7 +68,6 @@ Floats OpticalDepthsOfAllBinades() {
   return x;
 }
 
-// N01
 TEST(Numerics, OpacityHoldsFourUlpInEveryBinade) {
   const Floats x = OpticalDepthsOfAllBinades();
   ASSERT_GE(x.size(), 100000u);
@@ -77,7 +76,7 @@ TEST(Numerics, OpacityHoldsFourUlpInEveryBinade) {
   for (const float tau : x) ASSERT_LE(Ulps(-std::expm1(-tau), exact(static_cast<double>(tau))), 4) << tau;
 }
 
-// N20: below -87 the kernels return the least they can without denormal numbers, so flushing these to zero
+// Below -87 the kernels return the least they can without denormal numbers, so flushing these to zero
 // changes nothing.
 TEST(Numerics, ExponentialHoldsTwoUlpAndIsNeverDenormal) {
   Floats x = Sweep(-87.f, 88.f, 1000001);
@@ -90,7 +89,6 @@ TEST(Numerics, ExponentialHoldsTwoUlpAndIsNeverDenormal) {
   });
 }
 
-// N21
 TEST(Numerics, SigmoidAndSoftplusHoldFourUlpAndDoNotOverflow) {
   const auto sigmoid = [](double x) { return 1 / (1 + std::exp(-x)); };
   ForEachBuild([&](const Kernels& build) {
@@ -114,7 +112,6 @@ TEST(Numerics, SigmoidAndSoftplusHoldFourUlpAndDoNotOverflow) {
   EXPECT_EQ(Sigmoid(kInf), 1.f);
 }
 
-// N15
 TEST(Numerics, ExponentialDensityIsFiniteAndMonotoneAndEndsAtItsLimit) {
   float last = 0;
   for (int i = -2000; i <= 2000; ++i) {
@@ -145,7 +142,6 @@ void CheckActivation(DensityActivation activation) {
   EXPECT_EQ(last_gradient, Scalar(1));
 }
 
-// N15
 TEST(Numerics, DensityAndItsGradientAreFiniteAndMonotone) {
   for (const DensityActivation activation : {DensityActivation::kSoftplus, DensityActivation::kRelu}) {
     CheckActivation<float>(activation);
@@ -155,7 +151,6 @@ TEST(Numerics, DensityAndItsGradientAreFiniteAndMonotone) {
   EXPECT_GT(DensityGradient(DensityActivation::kSoftplus, -80.f), 0.f);
 }
 
-// N33
 TEST(Numerics, DensityGradientEqualsCentralDifferences) {
   constexpr double kStep = 1e-6;
   for (const DensityActivation activation : {DensityActivation::kSoftplus, DensityActivation::kRelu}) {
@@ -167,7 +162,6 @@ TEST(Numerics, DensityGradientEqualsCentralDifferences) {
   }
 }
 
-// N02
 TEST(Numerics, EveryPairOfDensityAndLengthGivesFiniteLightAndGradients) {
   const Kernels& kernels = kernels::ActiveKernels();
   const PixelTarget target = {{0.2f, 0.1f, 0.4f}, 0.6f};
@@ -175,12 +169,12 @@ TEST(Numerics, EveryPairOfDensityAndLengthGivesFiniteLightAndGradients) {
   for (const float sigma : {0.f, 1e-30f, 1e-10f, 1.f, 1e10f, 1e30f}) {
     for (const float delta : {1e-30f, 1e-10f, 1.f, 1e10f}) {
       for (std::size_t place = 0; place < 3; ++place) {
-        Floats tau = {0.5f, 0.5f, 0.5f}, weights(3), rgb = {0, 0.5f, 1, 1, 0, 0.5f, 0.5f, 1, 0};
+        Floats tau = {0.5f, 0.5f, 0.5f}, rgb = {0, 0.5f, 1, 1, 0, 0.5f, 0.5f, 1, 0};
         tau[place] = sigma * delta;  // up to infinity
         Floats alpha = tau;
         kernels.one_minus_exp_neg(3, alpha.data());
-        const float end = Transmittance(3, tau.data(), weights.data());
-        for (std::size_t i = 0; i < 3; ++i) weights[i] *= alpha[i];
+        Floats weights = alpha;
+        const float end = WeightsFromOpacities(3, tau.data(), weights.data());
         if (tau[place] >= 104) {
           EXPECT_EQ(alpha[place], 1.f);
           EXPECT_EQ(end, 0.f);
@@ -201,20 +195,25 @@ TEST(Numerics, EveryPairOfDensityAndLengthGivesFiniteLightAndGradients) {
 }
 
 Floats WeightsOf(const Floats& tau, float* end) {
-  Floats alpha = tau, weights(tau.size());
-  *end = Transmittance(static_cast<int>(tau.size()), tau.data(), weights.data());
-  kernels::ActiveKernels().one_minus_exp_neg(static_cast<int>(tau.size()), alpha.data());
-  for (std::size_t i = 0; i < tau.size(); ++i) weights[i] *= alpha[i];
+  Floats weights = tau;
+  kernels::ActiveKernels().one_minus_exp_neg(static_cast<int>(tau.size()), weights.data());
+  *end = WeightsFromOpacities(static_cast<int>(tau.size()), tau.data(), weights.data());
   return weights;
 }
 
-// N03
+// Before each sample: the weight that it would have with an opacity of 1.
+Floats TransmittancesOf(const Floats& tau, float* end) {
+  Floats transmittances(tau.size(), 1.f);
+  *end = WeightsFromOpacities(static_cast<int>(tau.size()), tau.data(), transmittances.data());
+  return transmittances;
+}
+
 TEST(Numerics, TransmittanceFallsSteadilyAndOpacityIsThatOfTheClosedForm) {
   constexpr int kCount = 1024;
   for (double total = 1e-6; total <= 200; total *= 1.3) {
     const Floats tau(kCount, static_cast<float>(total / kCount));
-    Floats transmittance(kCount);
-    const float last = Transmittance(kCount, tau.data(), transmittance.data());
+    float last;
+    const Floats transmittance = TransmittancesOf(tau, &last);
     for (std::size_t i = 1; i < kCount; ++i) {
       ASSERT_GE(transmittance[i], 0.f);
       ASSERT_LE(transmittance[i], transmittance[i - 1]);
@@ -228,7 +227,7 @@ TEST(Numerics, TransmittanceFallsSteadilyAndOpacityIsThatOfTheClosedForm) {
   }
 }
 
-// N05: 1 - sum of weights has no digit left behind an opaque surface, and may be negative.
+// 1 - sum of weights has no digit left behind an opaque surface, and may be negative.
 TEST(Numerics, WeightsSumToAtMostOneAndTheBackgroundIsTheClosedForm) {
   constexpr int kRays = 100000, kSamples = 192;
   Floats tau(kSamples);
@@ -248,7 +247,6 @@ TEST(Numerics, WeightsSumToAtMostOneAndTheBackgroundIsTheClosedForm) {
   EXPECT_GT(greatest, 30);
 }
 
-// N08
 TEST(Numerics, LightBehindTheStopChangesAColourByNoMoreThanItsShare) {
   static_assert(kEarlyStopTransmittance <= 1e-4f, "80 dB: metrics must not see the stop");
   constexpr int kSamples = 192;
@@ -270,8 +268,8 @@ TEST(Numerics, LightBehindTheStopChangesAColourByNoMoreThanItsShare) {
     };
     const auto full = shown(kSamples);
     for (const float stop : {1e-2f, 1e-3f, 1e-4f, 1e-6f}) {
-      Floats transmittance(kSamples);
-      Transmittance(kSamples, tau.data(), transmittance.data());
+      float end;
+      const Floats transmittance = TransmittancesOf(tau, &end);
       const auto n = static_cast<std::size_t>(
           std::find_if(transmittance.begin(), transmittance.end(), [&](float t) { return t < stop; }) -
           transmittance.begin());
@@ -284,7 +282,6 @@ TEST(Numerics, LightBehindTheStopChangesAColourByNoMoreThanItsShare) {
   EXPECT_GT(stopped_early, 1000);
 }
 
-// N27
 TEST(Numerics, NotANumberPassesActivationsQuadratureAndLoss) {
   for (const DensityActivation activation : {DensityActivation::kSoftplus, DensityActivation::kRelu}) {
     EXPECT_TRUE(std::isnan(Density(activation, kNaN)));
@@ -301,15 +298,16 @@ TEST(Numerics, NotANumberPassesActivationsQuadratureAndLoss) {
     }
   });
   const float tau[3] = {0.1f, kNaN, 0.2f}, white[3] = {1, 1, 1}, colour[3] = {0, kNaN, 0};
-  float transmittance[3];
-  const float end = Transmittance(3, tau, transmittance);
+  float weights[3];
+  Opacities(3, tau, weights);
+  const float end = WeightsFromOpacities(3, tau, weights);
   EXPECT_TRUE(std::isnan(end));
   EXPECT_TRUE(std::isnan(RandomBackgroundLoss(white, end, {{0, 0, 0}, 1}).loss));
   EXPECT_TRUE(std::isnan(RandomBackgroundLoss(colour, 0.f, {{0, 0, 0}, 1}).loss));
   EXPECT_TRUE(std::isnan(FixedBackgroundLoss(colour, 0.f, {{0, 0, 0}, 1}, white).loss));
 }
 
-// N29: every file has its contraction rule on the command line, kernels alone may fuse, and nothing weakens
+// Every file has its contraction rule on the command line, kernels alone may fuse, and nothing weakens
 // IEEE rules. tests/CMakeLists.txt checks that the headers refuse such flags.
 TEST(Numerics, FlagsOfEveryFileKeepIeeeRules) {
   const std::string text = ReadText(std::string(BINARY_DIR) + "/compile_commands.json");

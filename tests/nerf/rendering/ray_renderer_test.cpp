@@ -9,6 +9,7 @@
 #include <string>
 
 #include "nerf/rendering/volume_rendering.h"
+#include "tests/support/field_tensor.h"
 
 namespace nerf {
 namespace {
@@ -16,8 +17,6 @@ namespace {
 // A field without weights is a fog of exp(-1) per unit and of colour 0.5 everywhere.
 class RayRenderer : public testing::Test {
  protected:
-  static constexpr std::size_t kFirstLayer = 32 * 64, kWeights = 9408;
-
   RayRenderer()
       : fog_({{0, 0, 0}, 50, false},
              {.near = 0, .far = 1000, .step_size = 0.1f},
@@ -26,7 +25,7 @@ class RayRenderer : public testing::Test {
                      {.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40}},
                  1),
              64) {
-    SetWeights(kWeights, 0.f);
+    SetWeights(HashNetwork<float>::kEnd, 0.f);
   }
 
   void Fill() {
@@ -34,11 +33,10 @@ class RayRenderer : public testing::Test {
     fog_.grid.Rebuild();
   }
 
+  // The first n weights, to where some layer begins.
   void SetWeights(std::size_t n, float value) {
-    for (auto& tensor : fog_.field->State()) {
-      if (tensor.name != "weights") continue;
-      std::fill(tensor.values.begin(), tensor.values.begin() + static_cast<std::ptrdiff_t>(n), value);
-    }
+    const std::span<float> first = tests::TensorOf(fog_.field.get(), "weights").first(n);
+    std::fill(first.begin(), first.end(), value);
     fog_.field->Refresh();
   }
 
@@ -50,7 +48,6 @@ class RayRenderer : public testing::Test {
   SceneField fog_;
 };
 
-// N08, N09
 TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
   Fill();
   for (const float length : {1.f, 5.f, 20.f, 80.f}) {
@@ -125,7 +122,7 @@ TEST_F(RayRenderer, ManySamplesOfLittleWeightKeepTheirColour) {
   for (const float c : ray.rgb) EXPECT_NEAR(c, 0.5f * (1 - ray.transmittance), 1e-5);
 }
 
-// N07: no division by an opacity of 0.
+// No division by an opacity of 0.
 TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
   fog_.grid.Rebuild();
   const RenderedRay inside = RenderAlong({{0, 0, -100}, {0, 0, 1}}),
@@ -138,12 +135,12 @@ TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
   EXPECT_EQ(inside.depth, 150.f);
 }
 
-// N27: the first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
+// The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
 TEST_F(RayRenderer, NotANumberInTheFirstLayerReachesEveryOutput) {
   Fill();
-  SetWeights(kWeights, 0.01f);
+  SetWeights(HashNetwork<float>::kEnd, 0.01f);
   ASSERT_TRUE(std::isfinite(RenderAlong({{0, 0, 49}, {0, 0, 1}}).transmittance));
-  SetWeights(kFirstLayer, std::numeric_limits<float>::quiet_NaN());
+  SetWeights(HashNetwork<float>::kW2, std::numeric_limits<float>::quiet_NaN());
   const RenderedRay ray = RenderAlong({{0, 0, 49}, {0, 0, 1}});
   EXPECT_TRUE(std::isnan(ray.transmittance));
   for (const float c : ray.rgb) EXPECT_TRUE(std::isnan(c));

@@ -14,16 +14,14 @@
 namespace nerf {
 namespace {
 
-// Weights as training computes them: transmittance before the sample times opacity.
+// Weights as the training of `hash` computes them.
 std::vector<float> Weights(const std::vector<float>& tau, float* end) {
-  std::vector<float> alpha = tau, transmittance(tau.size());
-  *end = Transmittance(static_cast<int>(tau.size()), tau.data(), transmittance.data());
-  kernels::ActiveKernels().one_minus_exp_neg(static_cast<int>(alpha.size()), alpha.data());
-  for (std::size_t i = 0; i < alpha.size(); ++i) alpha[i] *= transmittance[i];
-  return alpha;
+  std::vector<float> weights = tau;
+  kernels::ActiveKernels().one_minus_exp_neg(static_cast<int>(tau.size()), weights.data());
+  *end = WeightsFromOpacities(static_cast<int>(tau.size()), tau.data(), weights.data());
+  return weights;
 }
 
-// N01, N03
 TEST(VolumeRendering, ThinFogKeepsSevenDigits) {
   // tau = 1e-4 over 1024 samples: the naive 1 - exp loses 22 % of this opacity in float.
   float end;
@@ -33,7 +31,6 @@ TEST(VolumeRendering, ThinFogKeepsSevenDigits) {
   EXPECT_NEAR(opacity / -std::expm1(-1e-4), 1, 1e-5);
 }
 
-// N06
 TEST(VolumeRendering, OneSpikeTakesAllTheWeight) {
   std::vector<float> tau(64, 0.f);
   tau[20] = 1e10f;
@@ -44,7 +41,6 @@ TEST(VolumeRendering, OneSpikeTakesAllTheWeight) {
   EXPECT_EQ(end, 0.f);
 }
 
-// N07
 TEST(VolumeRendering, EmptyRayShowsExactlyTheBackground) {
   float end;
   const std::vector<float> weights = Weights(std::vector<float>(64, 0.f), &end);
@@ -110,8 +106,8 @@ Gradients<Scalar> Differentiate(const std::vector<Scalar>& tau,
                                 const std::optional<Background>& background) {
   const int n = static_cast<int>(tau.size());
   std::vector<Scalar> weights(tau.size());
-  const Scalar end = Transmittance(n, tau.data(), weights.data());
-  for (std::size_t i = 0; i < tau.size(); ++i) weights[i] *= -std::expm1(-tau[i]);
+  Opacities(n, tau.data(), weights.data());
+  const Scalar end = WeightsFromOpacities(n, tau.data(), weights.data());
   Scalar colour[3];
   CompositeColour(n, weights.data(), rgb.data(), colour);
   const PixelLoss<Scalar> pixel = background ? FixedBackgroundLoss(colour, end, target, background->data())
@@ -143,7 +139,6 @@ double LossOf(const RayCase& ray,
   return result.loss;
 }
 
-// N33
 TEST(VolumeRendering, GradientsEqualCentralDifferences) {
   constexpr double kStep = 1e-6;
   int checked = 0;
@@ -181,7 +176,7 @@ double RelativeDistance(const std::vector<A>& a, const std::vector<B>& b) {
   return std::sqrt(error / norm);
 }
 
-// N33: a check that cannot see an error of 1e-6 would pass wrong derivatives too.
+// A check that cannot see an error of 1e-6 would pass wrong derivatives too.
 TEST(VolumeRendering, DifferencesInDoubleResolveARelativeErrorOfOneInAMillion) {
   constexpr double kStep = 1e-5;
   for (RayCase& ray : UnderBothLosses(MakeRay(4, 12, 10.0))) {
@@ -202,7 +197,6 @@ TEST(VolumeRendering, DifferencesInDoubleResolveARelativeErrorOfOneInAMillion) {
   }
 }
 
-// N33
 TEST(VolumeRendering, GradientsInFloatFollowThoseInDouble) {
   for (const double depth_scale : {1e-3, 1.0, 30.0, 1e3}) {
     std::vector<float> all;
@@ -228,7 +222,7 @@ TEST(VolumeRendering, GradientsInFloatFollowThoseInDouble) {
   }
 }
 
-// N04: the derivative of the product form divides by 1 - alpha = 0 here.
+// The derivative of the product form divides by 1 - alpha = 0 here.
 TEST(VolumeRendering, GradientAroundAnOpaqueSampleEqualsTheDifferencesInDouble) {
   constexpr double kStep = 1e-6;
   for (const float opaque : {16.f, 88.f, 1e4f, 1e10f}) {
@@ -260,11 +254,11 @@ TEST(VolumeRendering, LossIsTheMeanOverRandomBackgrounds) {
   const double loss = LossOf(ray, &a, &b);
   std::vector<double> tau, weights(10);
   for (std::size_t i = 0; i < 10; ++i) tau.push_back(std::exp(ray.log_sigma[i]) * ray.delta[i]);
-  const double end = Transmittance(10, tau.data(), weights.data());
+  Opacities(10, tau.data(), weights.data());
+  const double end = WeightsFromOpacities(10, tau.data(), weights.data());
   double colour[3] = {};
   for (std::size_t i = 0; i < 10; ++i) {
-    for (std::size_t j = 0; j < 3; ++j)
-      colour[j] += weights[i] * -std::expm1(-tau[i]) / (1 + std::exp(-ray.logits[3 * i + j]));
+    for (std::size_t j = 0; j < 3; ++j) colour[j] += weights[i] / (1 + std::exp(-ray.logits[3 * i + j]));
   }
   double mean = 0;
   constexpr int kDraws = 200000;
@@ -285,11 +279,12 @@ TEST(VolumeRendering, LossOnAFixedBackgroundIsTheMeanSquaredErrorOfTheComposite)
     if (!ray.background) continue;
     std::vector<double> a, b, tau, rgb, weights(10);
     Inputs(ray, &tau, &rgb);
-    const double end = Transmittance(10, tau.data(), weights.data());
+    Opacities(10, tau.data(), weights.data());
+    const double end = WeightsFromOpacities(10, tau.data(), weights.data());
     double expected = 0;
     for (std::size_t j = 0; j < 3; ++j) {
       double shown = end * (*ray.background)[j];
-      for (std::size_t i = 0; i < 10; ++i) shown += weights[i] * -std::expm1(-tau[i]) * rgb[3 * i + j];
+      for (std::size_t i = 0; i < 10; ++i) shown += weights[i] * rgb[3 * i + j];
       const double truth =
           ray.target.premultiplied[j] + (1.0 - ray.target.alpha) * static_cast<double>((*ray.background)[j]);
       expected += (shown - truth) * (shown - truth) / 3;
@@ -298,7 +293,6 @@ TEST(VolumeRendering, LossOnAFixedBackgroundIsTheMeanSquaredErrorOfTheComposite)
   }
 }
 
-// N02
 TEST(VolumeRendering, OpaqueAndTransparentExtremesHaveFiniteGradients) {
   for (const double depth_scale : {1e-30, 1e30}) {
     std::vector<double> logit_gradients, log_sigma_gradients;
@@ -314,18 +308,18 @@ TEST(VolumeRendering, OpaqueAndTransparentExtremesHaveFiniteGradients) {
 // reference.
 TEST(VolumeRendering, MidpointRuleIsSecondOrderOnASmoothMedium) {
   const auto render = [](int n) {
-    std::vector<double> tau(static_cast<std::size_t>(n)), transmittance(tau.size());
+    std::vector<double> tau(static_cast<std::size_t>(n)), weights(tau.size());
     const double delta = 4.0 / n;
     for (int i = 0; i < n; ++i) {
       const double t = 2 + (i + 0.5) * delta;
       tau[static_cast<std::size_t>(i)] = 3 * std::exp(-(t - 4.1) * (t - 4.1) / 0.5) * delta;
     }
-    Transmittance(n, tau.data(), transmittance.data());
+    Opacities(n, tau.data(), weights.data());
+    WeightsFromOpacities(n, tau.data(), weights.data());
     double colour = 0;
     for (int i = 0; i < n; ++i) {
       const double t = 2 + (i + 0.5) * delta;
-      colour += transmittance[static_cast<std::size_t>(i)] * -std::expm1(-tau[static_cast<std::size_t>(i)]) *
-                (0.5 + 0.5 * std::sin(3 * t));
+      colour += weights[static_cast<std::size_t>(i)] * (0.5 + 0.5 * std::sin(3 * t));
     }
     return colour;
   };

@@ -9,10 +9,13 @@
 #include "nerf/kernels/reference.h"
 #include "nerf/training/hash_shard.h"
 #include "tests/support/ball_scene.h"
+#include "tests/support/field_tensor.h"
 #include "tests/support/temp_dir.h"
 
 namespace nerf {
 namespace {
+
+using tests::TensorOf;
 
 constexpr int kRays = 48;
 
@@ -94,61 +97,60 @@ class HashGradientTest : public testing::Test {
 
   HashGradientTest()
       : scene_(tests::BallScene(dir_.path(), 4, 0, {.size = 24})),
-        map_(SceneContraction::FromScene(scene_, false)),
-        grid_(64, map_),
+        contraction_(SceneContraction::FromScene(scene_, false)),
+        grid_(64, contraction_),
         field_(
             {.grid = {.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40},
              .bf16_network = kBf16},
             5) {
     for (std::uint32_t cell = 0; cell < grid_.n_cells(); ++cell) grid_.SetCandidate(cell);
     grid_.Rebuild();
-    for (const Tensor& tensor : field_.State()) {
-      if (tensor.name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values.size(); ++i)
-          tensor.values[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
-        table_ = Parameter(tensor.values);
-      }
-      if (tensor.name == "weights") weights_ = Parameter(tensor.values);
-    }
+    const std::span<float> table = TensorOf(&field_, "table");
+    for (std::size_t i = 0; i < table.size(); ++i)  // features of useful size, so that no path is dead
+      table[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
+    table_ = Parameter(table);
+    weights_ = Parameter(TensorOf(&field_, "weights"));
     field_.Refresh();
   }
 
-  void Train(int pixel_rays, float distortion, float full_gradient_distance) {
-    const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, map_, grid_);
-    // Every sample counts, so that the twin needs no choice of its own.
+  void Train(int samples_per_pixel, float distortion, float full_gradient_distance) {
+    const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, contraction_, grid_);
+    // Every sample counts, so that the reference needs no choice of its own.
     const BatchPlan plan{.seed = 3,
                          .n_rays = kRays,
-                         .pixel_rays = pixel_rays,
+                         .samples_per_pixel = samples_per_pixel,
                          .n_shards = 1,
                          .distortion = distortion,
                          .full_gradient_distance = full_gradient_distance,
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
-    TrainShard(LoadDataset(scene_, 1),
-               field_.grid(),
-               std::get<HashNetwork<Real>>(field_.network()),
-               sampler,
-               plan,
-               0,
-               &scratch_,
-               &result_);
+    const Dataset dataset = LoadDataset(scene_, 1);
+    const HashShardContext<Real> context{
+        dataset, field_.grid(), std::get<HashNetwork<Real>>(field_.network()), sampler, plan};
+    HashShardScratch<Real> scratch;
+    RunHashShard(context, 0, &scratch, &shard_);
+    DrawRays(dataset, sampler, plan, 0, &batch_);
   }
 
   // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
-  double TrainTwin(int pixel_rays, float distortion, float full_gradient_distance) {
-    const Samples& samples = result_.samples;
-    const std::vector<BatchRay>& rays = scratch_.batch.rays;
-    std::vector<double> harmonics, deltas(scratch_.delta.begin(), scratch_.delta.begin() + samples.size());
-    for (const BatchRay& ray : rays) {
-      const double d[3] = {ray.ray.direction[0], ray.ray.direction[1], ray.ray.direction[2]};
+  double TrainReference(int samples_per_pixel, float distortion, float full_gradient_distance) {
+    const Samples& samples = shard_.samples.sorted;
+    const std::vector<BatchRay>& rays = batch_.rays;
+    const auto n_samples = [&](std::size_t ray) {
+      return shard_.samples.ray_first[ray + 1] - shard_.samples.ray_first[ray];
+    };
+    std::vector<double> harmonics, deltas(samples.delta.begin(), samples.delta.end());
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      const float* direction = rays[r].ray.direction;
+      const double d[3] = {direction[0], direction[1], direction[2]};
       double values[kHarmonics];
       SphericalHarmonics(d, values);
-      for (int i = 0; i < ray.n_kept; ++i) harmonics.insert(harmonics.end(), values, values + kHarmonics);
+      for (int i = 0; i < n_samples(r); ++i) harmonics.insert(harmonics.end(), values, values + kHarmonics);
     }
     Outputs outputs = Network(
         Encode(field_.grid().levels(), samples, table_), Doubles(harmonics).view({-1, kHarmonics}), weights_);
     if (full_gradient_distance > 0) {
-      std::vector<double> shares(scratch_.t.begin(), scratch_.t.begin() + samples.size());
+      std::vector<double> shares(samples.t.begin(), samples.t.end());
       for (double& share : shares) share = std::pow(std::min(share / full_gradient_distance, 1.0), 2);
       const at::Tensor share = Doubles(shares);
       outputs.sigma = share * outputs.sigma + (1 - share) * outputs.sigma.detach();
@@ -160,28 +162,31 @@ class HashGradientTest : public testing::Test {
     at::Tensor pixel_colour, pixel_transmittance;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       const BatchRay& ray = rays[r];
-      const at::Tensor own = tau.narrow(0, first, ray.n_kept), depth = own.cumsum(0);
+      const at::Tensor own = tau.narrow(0, first, n_samples(r)), depth = own.cumsum(0);
       const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
-      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / pixel_rays;
-      const at::Tensor transmittance = torch::exp(-own.sum()) / pixel_rays;
-      loss = loss + Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / pixel_rays;
-      first += ray.n_kept;
-      const bool begins = r % static_cast<std::size_t>(pixel_rays) == 0;
+      const at::Tensor colour =
+          weights.matmul(outputs.rgb.narrow(0, first, n_samples(r))) / samples_per_pixel;
+      const at::Tensor transmittance = torch::exp(-own.sum()) / samples_per_pixel;
+      loss = loss +
+             Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / samples_per_pixel;
+      first += n_samples(r);
+      const bool begins = r % static_cast<std::size_t>(samples_per_pixel) == 0;
       pixel_colour = begins ? colour : pixel_colour + colour;
       pixel_transmittance = begins ? transmittance : pixel_transmittance + transmittance;
-      if ((r + 1) % static_cast<std::size_t>(pixel_rays) == 0)
+      if ((r + 1) % static_cast<std::size_t>(samples_per_pixel) == 0)
         loss = loss + Loss(ray.target, pixel_colour, pixel_transmittance);
     }
-    (loss * pixel_rays / kRays).backward();
+    (loss * samples_per_pixel / kRays).backward();
     return loss.item<double>();
   }
 
   // Of a ray with the given weights and the samples from `first` on, by its definition.
   at::Tensor Distortion(const at::Tensor& weights, std::size_t first) const {
+    const Samples& samples = shard_.samples.sorted;
     std::vector<double> places, lengths;
     for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i) {
-      places.push_back(std::log(double{scratch_.t[i]}));
-      lengths.push_back(double{scratch_.delta[i]} / double{scratch_.t[i]});
+      places.push_back(std::log(double{samples.t[i]}));
+      lengths.push_back(double{samples.delta[i]} / double{samples.t[i]});
     }
     const at::Tensor s = Doubles(places), between = (s.unsqueeze(0) - s.unsqueeze(1)).abs();
     return weights.dot(between.mv(weights)) + (weights * weights).dot(Doubles(lengths)) / 3;
@@ -194,48 +199,48 @@ class HashGradientTest : public testing::Test {
     for (std::size_t l = 0; l < levels.size(); ++l) {
       kernels::ActiveKernels().Network<Real>().scatter(
           levels[l],
-          &result_.feature_gradients[l * result_.feature_gradient_stride],
-          result_.samples.x.data(),
-          result_.samples.y.data(),
-          result_.samples.z.data(),
-          result_.samples.size(),
+          &shard_.feature_gradients[l * shard_.feature_gradient_stride],
+          shard_.samples.sorted.x.data(),
+          shard_.samples.sorted.y.data(),
+          shard_.samples.sorted.z.data(),
+          shard_.samples.sorted.size(),
           &gradient[levels[l].first_entry * kernels::kFeatures]);
     }
     return gradient;
   }
 
-  static double RelativeError(const std::vector<float>& ours, const at::Tensor& twin) {
-    const at::Tensor difference = Parameter(ours).detach() - twin;
-    return (difference.norm() / twin.norm()).template item<double>();
+  static double RelativeError(const std::vector<float>& ours, const at::Tensor& reference) {
+    const at::Tensor difference = Parameter(ours).detach() - reference;
+    return (difference.norm() / reference.norm()).template item<double>();
   }
 
   TempDir dir_;
   io::Scene scene_;
-  SceneContraction map_;
+  SceneContraction contraction_;
   OccupancyGrid grid_;
   HashField field_;
   at::Tensor table_, weights_;
-  ShardScratch<Real> scratch_;
-  ShardResult<Real> result_;
+  RayBatch batch_;  // the rays of the shard, before they are marched
+  HashShard<Real> shard_;
 };
 using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashGradientTest, Reals);
 
-TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
+TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheReferenceInLibTorch) {
   struct Case {
-    int pixel_rays;
+    int samples_per_pixel;
     float distortion, full_gradient_distance;
   };
   for (const Case& c : {Case{1, 0, 0}, {4, 0, 0}, {1, 0.3f, 0}, {4, 0.3f, 0}, {1, 0.3f, 4}}) {
-    SCOPED_TRACE(testing::Message() << c.pixel_rays << " rays, distortion " << c.distortion
+    SCOPED_TRACE(testing::Message() << c.samples_per_pixel << " rays, distortion " << c.distortion
                                     << ", whole gradients from " << c.full_gradient_distance);
-    this->Train(c.pixel_rays, c.distortion, c.full_gradient_distance);
-    ASSERT_TRUE(this->result_.finite);
-    ASSERT_GT(this->result_.samples.size(), 500);
+    this->Train(c.samples_per_pixel, c.distortion, c.full_gradient_distance);
+    ASSERT_FALSE(this->shard_.loss.bad_ray);
+    ASSERT_GT(this->shard_.samples.sorted.size(), 500);
     this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
-    const double loss = this->TrainTwin(c.pixel_rays, c.distortion, c.full_gradient_distance);
-    EXPECT_NEAR(this->result_.loss, loss, this->kTolerance * loss);
-    EXPECT_LT(this->RelativeError(this->result_.weight_gradients, this->weights_.grad()), this->kTolerance);
+    const double loss = this->TrainReference(c.samples_per_pixel, c.distortion, c.full_gradient_distance);
+    EXPECT_NEAR(this->shard_.loss.loss, loss, this->kTolerance * loss);
+    EXPECT_LT(this->RelativeError(this->shard_.weight_gradients, this->weights_.grad()), this->kTolerance);
     EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);
   }
 }

@@ -1,0 +1,112 @@
+#include "nerf/training/pixel_gradients.h"
+
+#include <cmath>
+
+#include "nerf/rendering/distortion.h"
+
+namespace nerf {
+namespace {
+
+// The steps of CompositePixels over one chunk.
+class Compositor {
+ public:
+  Compositor(const BatchPlan& plan,
+             const ShardSamples& samples,
+             const RayChunk& chunk,
+             const float* rgb,
+             PixelGradients* rows)
+      : plan_(plan), samples_(samples), chunk_(chunk), rgb_(rgb), rows_(*rows) {}
+
+  // Colour and, as the result, transmittance of the pixel whose first ray is `first_ray`.
+  float Composite(int first_ray, float colour[3]) {
+    float transmittance = 0;
+    rows_.transmittances.clear();
+    for (int j = 0; j < 3; ++j) colour[j] = 0;
+    for (int ray = first_ray; ray < first_ray + plan_.samples_per_pixel; ++ray) {
+      const auto [begin, n] = RowsOf(ray);
+      float ray_colour[3];
+      rows_.transmittances.push_back(
+          WeightsFromOpacities(n, rows_.tau.data() + begin, rows_.weights.data() + begin));
+      CompositeColour(n, rows_.weights.data() + begin, rgb_ + 3 * begin, ray_colour);
+      transmittance += Share() * rows_.transmittances.back();
+      for (int j = 0; j < 3; ++j) colour[j] += Share() * ray_colour[j];
+    }
+    return transmittance;
+  }
+
+  // Fills the gradients of the same rays and adds their distortion to `loss`.
+  void Differentiate(int first_ray, const PixelLoss<float>& pixel, ShardLoss* loss) {
+    for (int ray = first_ray; ray < first_ray + plan_.samples_per_pixel; ++ray) {
+      const auto [begin, n] = RowsOf(ray);
+      if (plan_.distortion > 0) loss->loss += Share() * Distort(ray);
+      CompositeGradients(n,
+                         rows_.weights.data() + begin,
+                         rgb_ + 3 * begin,
+                         rows_.transmittances[static_cast<std::size_t>(ray - first_ray)],
+                         pixel,
+                         1.f / static_cast<float>(plan_.n_rays),
+                         rows_.rgb_gradients.data() + 3 * begin,
+                         rows_.tau_gradients.data() + begin,
+                         plan_.distortion > 0 ? rows_.weight_gradients.data() : nullptr);
+    }
+  }
+
+ private:
+  struct Rows {
+    std::size_t begin;
+    int n;
+  };
+  Rows RowsOf(int ray) const {
+    const std::size_t begin = samples_.First(ray);
+    return {begin - chunk_.first, static_cast<int>(samples_.First(ray + 1) - begin)};
+  }
+
+  // Of one ray in its pixel.
+  float Share() const { return 1.f / static_cast<float>(plan_.samples_per_pixel); }
+
+  // Weighted distortion of one ray, whose gradients are left in the rows.
+  float Distort(int ray) {
+    const auto [begin, n] = RowsOf(ray);
+    std::vector<float>&places = rows_.places, &lengths = rows_.lengths, &gradients = rows_.weight_gradients;
+    places.clear(), lengths.clear(), gradients.resize(static_cast<std::size_t>(n));
+    for (std::size_t i = samples_.First(ray); i < samples_.First(ray + 1); ++i) {
+      places.push_back(std::log(samples_.sorted.t[i]));
+      lengths.push_back(samples_.sorted.delta[i] / samples_.sorted.t[i]);
+    }
+    const float loss =
+        Distortion(n, rows_.weights.data() + begin, places.data(), lengths.data(), gradients.data());
+    for (float& gradient : gradients) gradient *= plan_.distortion;
+    return plan_.distortion * loss;
+  }
+
+  const BatchPlan& plan_;
+  const ShardSamples& samples_;
+  const RayChunk& chunk_;
+  const float* rgb_;
+  PixelGradients& rows_;
+};
+
+}  // namespace
+
+void CompositePixels(const BatchPlan& plan,
+                     const std::vector<BatchRay>& rays,
+                     const ShardSamples& samples,
+                     const RayChunk& chunk,
+                     const float* rgb,
+                     PixelGradients* rows,
+                     ShardLoss* loss) {
+  Compositor compositor(plan, samples, chunk, rgb, rows);
+  for (int r = chunk.ray_begin; r < chunk.ray_end; r += plan.samples_per_pixel) {
+    const BatchRay& ray = rays[static_cast<std::size_t>(r)];
+    float colour[3];
+    const float transmittance = compositor.Composite(r, colour);
+    const PixelLoss<float> pixel = LossOf(colour, transmittance, ray.target);
+    compositor.Differentiate(r, pixel, loss);
+    if (!std::isfinite(pixel.loss) && !loss->bad_ray) loss->bad_ray = ray.id;
+    loss->loss += pixel.loss;
+    loss->squared_error += pixel.squared_error;
+    loss->opacity += 1.f - transmittance;
+  }
+}
+
+}  // namespace nerf
