@@ -10,23 +10,15 @@
 #include "io/base/error.h"
 #include "pipeline/machine/machine.h"
 #include "pipeline/stage/versions.h"
+#include "io/base/quoting.h"
 
 namespace pipeline {
 
 std::string CsvLine(const std::vector<std::string>& fields) {
   std::string line;
   for (const std::string& field : fields) {
-    if (!line.empty() || &field != &fields.front()) line += ',';
-    if (field.find_first_of(",\"\n\r") == std::string::npos) {
-      line += field;
-      continue;
-    }
-    line += '"';
-    for (const char c : field) {
-      if (c == '"') line += '"';
-      line += c;
-    }
-    line += '"';
+    if (&field != &fields.front()) line += ',';
+    line += io::CsvField(field);
   }
   return line + "\n";
 }

@@ -12,6 +12,7 @@
 #include "io/base/process.h"
 #include "io/base/progress.h"
 #include "pipeline/command/commands.h"
+#include "io/base/quoting.h"
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/machine/machine.h"
 #include "pipeline/stage/common_options.h"
@@ -116,19 +117,7 @@ std::vector<std::string> StageArguments(const std::string& stage,
 // As one would type it in a shell.
 std::string CommandText(const std::string& stage, const std::vector<std::string>& arguments) {
   std::string text = "pipeline " + stage;
-  for (const std::string& argument : arguments) {
-    const bool plain = argument.find_first_not_of(
-                           "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                           "0123456789_-+=./:,@%") == std::string::npos;
-    text += ' ';
-    if (plain) {
-      text += argument;
-      continue;
-    }
-    text += '\'';
-    for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    text += '\'';
-  }
+  for (const std::string& argument : arguments) text += " " + io::ShellWord(argument);
   return text;
 }
 

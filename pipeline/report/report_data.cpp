@@ -10,6 +10,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/quoting.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
 
@@ -49,27 +50,17 @@ std::vector<Json> ObjectsAt(const Json& json, const char* key) {
   return objects;
 }
 
-std::string ShellWord(const std::string& word) {
-  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
-    return std::isalnum(c) || std::string("_-+=./:,@%").find(static_cast<char>(c)) != std::string::npos;
-  });
-  if (plain) return word;
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
-
 // The command that the resolved options of a record amount to: input, --out, and what the user set.
 std::string CommandFromOptions(const std::string& command, const std::string& input, const Json& options) {
   std::string text = "pipeline " + command;
-  if (!input.empty()) text += " " + ShellWord(input);
+  if (!input.empty()) text += " " + io::ShellWord(input);
   for (const auto& [name, option] : options.items()) {
     if (name == "INPUT" || !option.is_object() || !option.contains("value")) continue;
     const std::string origin = TextAt(option, "origin");
     if (origin != "flag" && origin != "file") continue;
     const Json& value = option["value"];
-    text +=
-        " " + ShellWord("--" + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
+    text += " " +
+            io::ShellWord("--" + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
   }
   return text;
 }

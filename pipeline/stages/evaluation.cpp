@@ -13,6 +13,7 @@
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
+#include "io/base/quoting.h"
 #include "io/image/colour_map.h"
 #include "io/image/mask.h"
 #include "nerf/metrics/flip.h"
@@ -222,11 +223,7 @@ void WriteScores(const Evaluation& evaluation, const std::string& protocol, cons
     json["images"].push_back(entry);
     char numbers[96];
     std::snprintf(numbers, sizeof numbers, ",%.4f,%.6f,%.6f\n", view.psnr_db, view.ssim, view.flip);
-    // RFC 4180: a name is quoted, and its quotes are doubled.
-    csv += '"';
-    for (const char c : view.name) csv += c == '"' ? std::string("\"\"") : std::string(1, c);
-    csv += '"';
-    csv += numbers;
+    csv += io::CsvQuoted(view.name) + numbers;
   }
   io::WriteFileAtomically(folder / "metrics.json",
                           json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
