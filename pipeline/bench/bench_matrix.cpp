@@ -38,7 +38,7 @@ std::vector<Cell> SelectCells(const std::vector<std::string>& wanted) {
   if (!unknown.empty()) {
     throw io::Error(io::ExitCode::kUsage,
                     "--cases: '" + *unknown.begin() + "' is unknown",
-                    "Hard cases are named S01 to S45; see sfm/hard_case_table.cpp");
+                    "Hard cases are named S01 to S45; see sfm/synthetic/hard_case_table.cpp");
   }
   return cells;
 }

@@ -62,7 +62,7 @@ class EvaluationTest : public testing::Test {
   std::string message_;
 };
 
-// N43
+// A render that equals the truth in every bit has an infinite PSNR: the cap stands in its place.
 TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
   const Evaluation result = Score(SphereField());
   ASSERT_EQ(result.views.size(), 4u);
@@ -87,14 +87,14 @@ TEST_F(EvaluationTest, KnownShadeGivesItsPsnr) {
   EXPECT_GT(result.flip, 0.01);
 }
 
-// N45
+// Scores are of 8-bit pictures: a value between two steps goes to the nearer one.
 TEST_F(EvaluationTest, RoundsToNearest) {
   nerf::RenderedView view{
       2, 1, {0.5f / 255 - 1e-4f, 0.5f / 255 + 1e-4f, -3.f, 2.f, 1.f, 254.6f / 255}, {0, 0}, {0, 0}};
   EXPECT_EQ(pipeline::QuantizeView(view).data, (std::vector<std::uint8_t>{0, 1, 0, 255, 255, 255}));
 }
 
-// N43
+// A render with a NaN has no score.
 TEST_F(EvaluationTest, NotFiniteIsAnErrorThatNamesThePixel) {
   nerf::RenderedView view{2, 1, std::vector<float>(6, 0.5f), {0, 0}, {0, 0}};
   view.rgb[4] = std::numeric_limits<float>::quiet_NaN();
@@ -178,7 +178,7 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInStrips) {
   EXPECT_FALSE(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json")).contains("masked"));
 }
 
-// N12
+// Pictures with an alpha channel.
 TEST_F(EvaluationTest, AlphaIsScoredOnWhite) {
   for (const io::Frame& frame : scene_.frames) {
     io::Image truth = io::MakeImage(60, 44, 4);  // all transparent black
@@ -195,7 +195,7 @@ TEST_F(EvaluationTest, AlphaIsScoredOnWhite) {
   EXPECT_TRUE(result.views[0].identical);
 }
 
-// N12, N14: the truth's own composite on white is perfect, on any other background it is not, and the file
+// The truth's own composite on white is perfect, on any other background it is not, and the file
 // says which background was used.
 TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
   pipeline::RenderViews(SphereField(), scene_, folder_, 1);

@@ -122,7 +122,7 @@ TEST_F(Normalize, RunAgainIsUpToDateUntilAPictureChanges) {
   EXPECT_EQ(io::ReadFile(out_ / "scene/images/img3.png"), io::ReadFile(in_ / "images/img3.png"));
 }
 
-// N46
+// A mask is undistorted, scaled and split together with its picture.
 TEST_F(Normalize, MasksFollowTheirPicturesIntoBothSplits) {
   for (const double k1 : {0.0, 0.05}) {
     // The left half of every picture but one is used.
