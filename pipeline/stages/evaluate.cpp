@@ -1,7 +1,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "io/base/error.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
@@ -10,6 +9,7 @@
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/stages.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {
@@ -77,11 +77,8 @@ int RunEvaluate(int argc, const char* const* argv) {
         "Scores the trained field on the held-out views: PSNR, SSIM and FLIP per picture, and strips\n"
         "truth | render | error, worst first.");
     AddCommonOptions(&bound, &common);
-    bound.Add("every", &options.every, "score every n-th held-out view only, for slow fields; 1 = all");
-    bound.Add("max-strips", &options.max_strips, "comparison strips to write, worst views first");
+    AddEvaluateOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
-    if (options.max_strips < 0) throw io::Error(io::ExitCode::kUsage, "--max-strips: must not be negative");
-    if (options.every < 1) throw io::Error(io::ExitCode::kUsage, "--every: must be positive");
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("evaluate", argc, argv);
     Evaluate(common, options, bound);

@@ -14,6 +14,7 @@
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/reconstruction.h"
+#include "pipeline/stages/stage_options.h"
 #include "sfm/scene/undistort.h"
 
 namespace pipeline {
@@ -142,8 +143,7 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                       {"matching", times.matching_s},
                       {"verifying", times.verifying_s},
                       {"mapping", times.mapping_s},
-                      {"adjusting", times.adjusting_s}}
-                     .dump());
+                      {"adjusting", times.adjusting_s}});
   Json unregistered = Json::array();
   for (const sfm::Unregistered& picture : result.unregistered) {
     unregistered.push_back({{"name", picture.name}, {"cause", picture.cause}});
@@ -173,20 +173,7 @@ int RunSfm(int argc, const char* const* argv) {
         "Finds where each picture of DIR/ingest was taken (own matching, COLMAP, final adjustment) "
         "and undistorts it.");
     AddCommonOptions(&options, &common);
-    options.Add("features", &settings.features, "SIFT features per picture");
-    options.Add("detect-size",
-                &settings.max_image_size,
-                "longer side of the picture in which features are detected [px]; 0 = full size");
-    options.Add("detector", &settings.detector, "whose SIFT: opencv or colmap");
-    options.Add(
-        "camera-model",
-        &settings.camera_model,
-        "auto (as simple as the data allow), SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
-    options.Add(
-        "matching", &settings.matching, "auto, exhaustive, likely (most alike pairs) or sequential (video)");
-    options.Add("retry-minutes",
-                &settings.retry_minutes,
-                "ceiling for further attempts with stronger settings; 0 = none");
+    AddSfmOptions(&options, &settings);
     if (!options.Parse(argc, argv)) return;
     settings.threads = ResolvedThreads(common);
 

@@ -224,6 +224,10 @@ TEST_F(FakeStages, UnusableCommandLinesFailBeforeAnyWork) {
   EXPECT_EQ(OutputLines("Did you mean --time?"), 1);
   EXPECT_EQ(Pipeline({"run", photos, "--time=5x"}), 2);
   EXPECT_EQ(Pipeline({"run", (dir_ / "none").string()}), 3);
+  EXPECT_EQ(Pipeline({"run", photos, "--fps=0"}), 2);  // as `render` would, half an hour later
+  EXPECT_EQ(OutputLines("--fps: 0 is out of range"), 1);
+  EXPECT_EQ(Pipeline({"run", photos, "--target=30dB", "--steps=5"}), 2);
+  EXPECT_EQ(Pipeline({"run", photos, "--preset=report", "--target=30dB"}), 2);
   EXPECT_EQ(OutputLines("none: no such file or folder"), 1);
   EXPECT_EQ(Pipeline({"run", photos, "--out", (dir_ / "file").string()}), 2);
   EXPECT_FALSE(fs::exists(dir_ / "photos.run"));
@@ -244,6 +248,13 @@ TEST_F(FakeStages, CommandStartsStagesAndExplainsItself) {
   EXPECT_EQ(Pipeline({}), 2);
   EXPECT_EQ(Pipeline({"run", "--help"}), 0);
   EXPECT_EQ(Pipeline({"--help"}), 0);
+  // The stages' own help and defaults.
+  for (const char* part : {"frames of the film (render); at least 2, at most 216000 [120]",
+                           "(train) [\"3m\"]",
+                           "SIFT features per picture (sfm); at least 100, at most 16384 [4096]",
+                           "(normalize); at least 0 [512]",
+                           "(ingest); at least 3 [120]"})
+    EXPECT_EQ(OutputLines(part), 1) << part << Output();
   for (const pipeline::StageEntry& stage : pipeline::StageTable())
     EXPECT_GE(OutputLines(stage.help), 1) << stage.name;
   for (const char* part : {"pipeline run photos/", "doctor", "exit codes"})
