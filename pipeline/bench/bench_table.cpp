@@ -35,7 +35,7 @@ std::string BenchMachine() {
   return machine.cpu + ", " + std::to_string(machine.cores) + " cores";
 }
 
-std::string BenchCommit() { return nlohmann::json::parse(VersionsJson())["commit"].get<std::string>(); }
+std::string BenchCommit() { return VersionsJson()["commit"].get<std::string>(); }
 
 void CheckTableIsOurs(const std::filesystem::path& path, const std::string& header) {
   std::string first;

@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "io/base/error.h"
+#include <nlohmann/json.hpp>
 #include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
 #include "io/base/process.h"

@@ -132,7 +132,7 @@ int RunStage(const std::string& stage, const fs::path& out, const std::vector<st
     return 128 + report.signal;
   }
   if (report.exit_code != 0) return report.exit_code;
-  const Json record = Json::parse(ReadStageRecord(out, stage), nullptr, false);
+  const Json record = ReadStageRecord(out, stage);
   if (!record.is_object() || record.value("status", "") != "done")
     throw Error(ExitCode::kInternal, stage + " ended without its record", "Please report this as a bug");
   return 0;
@@ -142,7 +142,7 @@ void PrintResults(const fs::path& out, const std::vector<std::string>& stages, d
   double total_s = 0;
   std::string times;
   for (const std::string& stage : stages) {
-    const Json record = Json::parse(ReadStageRecord(out, stage));
+    const Json record = ReadStageRecord(out, stage);
     const double stage_s = record.value("wall_s", 0.0);
     total_s += stage_s;
     times += (times.empty() ? "" : ", ") + stage + " " + io::FormatDuration(stage_s);
@@ -187,10 +187,8 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
     stages.push_back(stage);
     commands[stage] = CommandText(stage, StageArguments(stage, input, out, options));
   }
-  const Json members = {{"input", input.path.string()},
-                        {"options", Json::parse(options.ResolvedJson())},
-                        {"commands", commands}};
-  RecordRun(out, members.dump(-1, ' ', false, Json::error_handler_t::replace));
+  RecordRun(out,
+            {{"input", input.path.string()}, {"options", options.ResolvedJson()}, {"commands", commands}});
 
   for (const std::string& stage : stages) {
     const int exit_code = RunStage(stage, out, StageArguments(stage, input, out, options));

@@ -20,14 +20,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-// An empty object when the text is absent or not an object: the report leaves out what it cannot read.
-Json ParseObject(const std::string& text) {
-  const Json json = Json::parse(text, nullptr, false);
-  return json.is_object() ? json : Json::object();
-}
+// An empty object in place of anything else: the report leaves out what it cannot read.
+Json ObjectOf(const Json& json) { return json.is_object() ? json : Json::object(); }
 
 Json ReadObject(const fs::path& path) {
-  return fs::is_regular_file(path) ? ParseObject(io::ReadFile(path)) : Json::object();
+  return fs::is_regular_file(path) ? ObjectOf(Json::parse(io::ReadFile(path), nullptr, false))
+                                   : Json::object();
 }
 
 double NumberAt(const Json& json, const char* key) {
@@ -77,7 +75,7 @@ void GatherStages(const fs::path& run_folder, const Json& run, ReportData* data)
     StageSummary stage;
     stage.name = entry.name;
     stage.help = entry.help;
-    const Json record = ParseObject(ReadStageRecord(run_folder, entry.name));
+    const Json record = ObjectOf(ReadStageRecord(run_folder, entry.name));
     stage.done = TextAt(record, "status") == "done";
     stage.wall_s = NumberAt(record, "wall_s");
     stage.cpu_s = NumberAt(record, "cpu_s");
@@ -116,11 +114,11 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
   data->kept = static_cast<int>(data->kept_pictures.size());
   data->dropped = static_cast<int>(data->dropped_pictures.size());
 
-  const Json scene = ParseObject(ReadStageRecord(run_folder, "normalize"));
+  const Json scene = ObjectOf(ReadStageRecord(run_folder, "normalize"));
   data->masks = static_cast<int>(NumberAt(scene, "masks"));
   data->used_share = NumberAt(scene, "used_share");
 
-  const Json sfm = ParseObject(ReadStageRecord(run_folder, "sfm"));
+  const Json sfm = ObjectOf(ReadStageRecord(run_folder, "sfm"));
   data->has_sfm = sfm.contains("registered");
   data->images = static_cast<int>(NumberAt(sfm, "images"));
   data->registered = static_cast<int>(NumberAt(sfm, "registered"));
@@ -236,7 +234,7 @@ ReportData GatherReport(const fs::path& run_folder) {
                     "Run `pipeline run INPUT --out " + run_folder.string() + "` first");
   }
   GatherPictures(run_folder, &data);
-  const Json train = ParseObject(ReadStageRecord(run_folder, "train"));
+  const Json train = ObjectOf(ReadStageRecord(run_folder, "train"));
   data.field = TextAt(train, "field");
   data.train_s = NumberAt(train, "train_s");
   data.train_steps = NumberAt(train, "steps");
@@ -244,7 +242,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   data.curve = ReadTrainingCurve(run_folder / "train" / "curve.csv");
   GatherScores(run_folder, &data);
 
-  const Json render = ParseObject(ReadStageRecord(run_folder, "render"));
+  const Json render = ObjectOf(ReadStageRecord(run_folder, "render"));
   data.film_frames = static_cast<int>(NumberAt(render, "frames"));
   data.film_ms_per_frame = NumberAt(render, "ms_per_frame");
   const fs::path film = run_folder / "render" / "novel_view.mp4", depth = run_folder / "render" / "depth.mp4";

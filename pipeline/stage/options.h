@@ -7,17 +7,17 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <variant>
 #include <vector>
 
-namespace pipeline {
 namespace CLI {
 class App;
 }
 
+namespace pipeline {
 
-class Options {
 // What a value must satisfy. Parse refuses others with kUsage naming the option, the value and the rule.
 struct OptionRule {
   double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();
@@ -28,6 +28,7 @@ struct OptionRule {
   bool affects_result = true;  // false: not in the stage cache's key (threads, output folder)
 };
 
+class Options {
  public:
   using Field = std::variant<bool*, int*, std::uint64_t*, double*, std::string*, std::filesystem::path*>;
 
@@ -38,12 +39,12 @@ struct OptionRule {
   // name without dashes ("image-size"); the field holds the default.
   void Add(const std::string& name, Field field, const std::string& help, const OptionRule& rule = {});
   void AddPositional(const std::string& name, Field field, const std::string& help, bool required);
-
   // Takes over an option of `other` under the name `name`: its field, rule and help with `note` in brackets.
   void AddFrom(const Options& other,
                const std::string& other_name,
                const std::string& name,
                const std::string& note);
+
   // Parses `--name value`, `--name=value`, bare `--name` and `--no-name` for bool, and `--config FILE` (a
   // JSON object with the same names; flags win). `--` ends the options. Of a repeated flag the last counts.
   // Unknown names throw kUsage and name the nearest one; so do empty values. Returns false when --help was
@@ -63,7 +64,7 @@ struct OptionRule {
   std::string ValueText(const std::string& name) const;
 
   // {"name": {"value": ..., "origin": "default" | "preset" | "file" | "flag" | "measured"}, ...}
-  std::string ResolvedJson() const;
+  nlohmann::ordered_json ResolvedJson() const;
   // Canonical text of all values that affect the result.
   std::string KeyText() const;
 

@@ -15,11 +15,11 @@
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 // The name of the protocol that `normalize` chose when it split the pictures.
 std::string ProtocolName(const std::filesystem::path& run_folder) {
-  const Json record = Json::parse(ReadStageRecord(run_folder, "normalize"), nullptr, false);
+  const Json record = ReadStageRecord(run_folder, "normalize");
   return record.is_object() ? record.value("protocol", "capture") : "capture";
 }
 

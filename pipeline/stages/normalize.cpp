@@ -32,13 +32,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-struct NormalizeOptions {
-  CommonOptions common;
-  fs::path poses, images;
-  int image_size = 512;
-  int holdout_every = 8;
-};
-
 // All NeRF-synthetic objects lie within 1.5 of the origin, on all three axes.
 constexpr double kBlenderHalfSide = 1.5;
 constexpr std::size_t kMaxNamed = 5;  // missing pictures named on the terminal; scene.json lists them all
@@ -201,14 +194,14 @@ void RecordScene(const PoseSource& source, StageRun* stage) {
   const io::Scene& scene = source.scene;
   stage->Set("near", scene.near);
   stage->Set("far", scene.far);
-  stage->SetJson("aabb", Json({ToJson(scene.aabb.min), ToJson(scene.aabb.max)}).dump());
-  stage->SetJson("unbounded", scene.unbounded ? "true" : "false");
+  stage->SetJson("aabb", {ToJson(scene.aabb.min), ToJson(scene.aabb.max)});
+  stage->SetJson("unbounded", scene.unbounded);
   const io::Sim3d& sim3 = scene.scene_from_sfm;
   Json rotation = Json::array();
   for (int r = 0; r < 3; ++r) rotation.push_back(ToJson(Eigen::Vector3d(sim3.rotation.row(r))));
   const Json chain = {
       {"scale", sim3.scale}, {"rotation", rotation}, {"translation", ToJson(sim3.translation)}};
-  stage->SetJson("scene_from_sfm", chain.dump());
+  stage->SetJson("scene_from_sfm", chain);
   stage->Set("protocol", ProtocolName(source));
   stage->Set("frames", static_cast<double>(scene.frames.size()));
   stage->Set("points", static_cast<double>(scene.points.size()));
@@ -216,8 +209,8 @@ void RecordScene(const PoseSource& source, StageRun* stage) {
   for (std::size_t i = 0; i < source.splits.size(); ++i) {
     if (source.splits[i] == "test") held_out.push_back(scene.frames[i].image_path.filename().string());
   }
-  stage->SetJson("held_out", held_out.dump());
-  stage->SetJson("missing_images", Json(source.missing_images).dump());
+  stage->SetJson("held_out", held_out);
+  stage->SetJson("missing_images", source.missing_images);
 }
 
 // Moves the scene, or keeps it when it already lies as it should.
@@ -241,9 +234,9 @@ void PlaceScene(PoseSource* source, StageRun* stage) {
     }
     scene = std::move(report.scene);
   }
-  stage->SetJson("coverage", coverage.dump());
-  stage->SetJson("coverage_near", coverage_near.dump());
-  stage->SetJson("depth_range", depth_range.dump());
+  stage->SetJson("coverage", coverage);
+  stage->SetJson("coverage_near", coverage_near);
+  stage->SetJson("depth_range", depth_range);
 }
 
 void DecideAboutInput(const PoseSource& source, StageRun* stage) {

@@ -30,7 +30,7 @@ constexpr std::size_t kMaxFramesJsonBytes = std::size_t{64} << 20;
 }
 
 sfm::Picture ToPicture(const fs::path& path, const Json& entry, std::size_t index) {
-  const std::string label = "kept[" + std::to_string(index) + "]";
+  const std::string label = fmt::format("kept[{}]", index);
   if (!entry.is_object()) FailFrames(path, label + " is not an object");
   const auto number = [&](const char* key, bool needed) {
     const auto at = entry.find(key);
@@ -108,9 +108,9 @@ void WriteOutputs(const sfm::Reconstruction& result,
 
 void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, StageRun* stage) {
   const io::ColmapModel& model = result.model;
-  stage->SetJson("images", std::to_string(n_pictures));
-  stage->SetJson("registered", std::to_string(model.scene.frames.size()));
-  stage->SetJson("points", std::to_string(model.scene.points.size()));
+  stage->SetJson("images", n_pictures);
+  stage->SetJson("registered", model.scene.frames.size());
+  stage->SetJson("points", model.scene.points.size());
   stage->Set("mean_reprojection_error_px", model.mean_reprojection_error_px);
   stage->Set("mean_track_length", model.mean_track_length);
   stage->Set("triangulation_angle_deg", result.triangulation_angle_deg);
@@ -128,7 +128,7 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                        {"p1", c.p1},
                        {"p2", c.p2}});
   }
-  stage->SetJson("cameras", cameras.dump());  // as estimated, before undistortion
+  stage->SetJson("cameras", cameras);  // as estimated, before undistortion
   Json poses = Json::array();
   for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
     const sfm::PoseUncertainty& pose = result.uncertainty.poses[i];
@@ -136,7 +136,7 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                      {"rotation_sigma_deg", pose.rotation_deg},
                      {"centre_sigma_share", pose.centre}});
   }
-  stage->SetJson("poses", poses.dump());
+  stage->SetJson("poses", poses);
   const sfm::ReconstructionTimes& times = result.times;
   stage->SetJson("wall_s_of",
                  Json{{"features", times.features_s},
@@ -149,17 +149,15 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
     unregistered.push_back({{"name", picture.name}, {"cause", picture.cause}});
     std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), picture.cause.c_str());
   }
-  stage->SetJson("unregistered", unregistered.dump());
-  char line[200];
-  std::snprintf(line,
-                sizeof line,
-                "%zu of %zu pictures registered, %zu points, %.2f px mean error, median angle %.1f degrees",
-                model.scene.frames.size(),
-                n_pictures,
-                model.scene.points.size(),
-                model.mean_reprojection_error_px,
-                result.triangulation_angle_deg);
-  std::fprintf(stderr, "sfm: %s\n", line);
+  stage->SetJson("unregistered", unregistered);
+  fmt::print(
+      stderr,
+      "sfm: {} of {} pictures registered, {} points, {:.2f} px mean error, median angle {:.1f} degrees\n",
+      model.scene.frames.size(),
+      n_pictures,
+      model.scene.points.size(),
+      model.mean_reprojection_error_px,
+      result.triangulation_angle_deg);
 }
 
 }  // namespace
