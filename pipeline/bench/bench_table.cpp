@@ -1,5 +1,7 @@
 #include "pipeline/bench/bench_table.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -8,9 +10,9 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/quoting.h"
 #include "pipeline/machine/machine.h"
 #include "pipeline/stage/versions.h"
-#include "io/base/quoting.h"
 
 namespace pipeline {
 
@@ -32,7 +34,7 @@ std::string CsvNumber(double value) {
 
 std::string BenchMachine() {
   const Machine machine = DescribeMachine();
-  return machine.cpu + ", " + std::to_string(machine.cores) + " cores";
+  return fmt::format("{}, {} cores", machine.cpu, machine.cores);
 }
 
 std::string BenchCommit() { return VersionsJson()["commit"].get<std::string>(); }
@@ -70,7 +72,7 @@ std::vector<int> SplitIntegers(const std::string& option_name, const std::string
     const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
     if (error != std::errc() || end != part.data() + part.size() || value < minimum) {
       throw io::Error(io::ExitCode::kUsage,
-                      "--" + option_name + ": '" + part + "' is not a number >= " + std::to_string(minimum),
+                      fmt::format("--{}: '{}' is not a number >= {}", option_name, part, minimum),
                       "Separate numbers by commas");
     }
     values.push_back(value);

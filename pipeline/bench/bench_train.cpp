@@ -1,10 +1,12 @@
 // `pipeline bench train`: normalises once, then trains and evaluates for every budget and seed, with the
 // programs of the stages.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
-#include <nlohmann/json.hpp>
 #include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
 #include "io/base/process.h"
@@ -47,10 +49,11 @@ void RunStageProgram(const std::string& stage, const std::vector<std::string>& a
   if (report.Ok()) return;
   // The stage has said why, under the same exit codes.
   const bool has_code = report.signal == 0 && report.exit_code > 0 && report.exit_code < 128;
-  throw Error(has_code ? static_cast<ExitCode>(report.exit_code) : ExitCode::kNoResources,
-              "pipeline " + stage + " failed" +
-                  (report.signal ? " by signal " + std::to_string(report.signal) : std::string()),
-              "The same command continues with the runs that are left");
+  throw Error(
+      has_code ? static_cast<ExitCode>(report.exit_code) : ExitCode::kNoResources,
+      fmt::format(
+          "pipeline {} failed{}", stage, report.signal ? fmt::format(" by signal {}", report.signal) : ""),
+      "The same command continues with the runs that are left");
 }
 
 // The run folder whose scene/ all runs share: the user's own, or one made here.
@@ -72,7 +75,7 @@ fs::path PrepareScene(const TrainBench& bench) {
   const fs::path folder = bench.common.out / "normalized";
   std::vector<std::string> arguments = {"--out", folder.string(), "--poses", input.poses.string()};
   if (!input.images.empty()) arguments.insert(arguments.end(), {"--images", input.images.string()});
-  if (bench.has_image_size) arguments.push_back("--image-size=" + std::to_string(bench.image_size));
+  if (bench.has_image_size) arguments.push_back(fmt::format("--image-size={}", bench.image_size));
   arguments.insert(arguments.end(), bench.common_flags.begin(), bench.common_flags.end());
   RunStageProgram("normalize", arguments);
   return folder;
@@ -92,15 +95,15 @@ TrainingResult RunOnce(const TrainBench& bench,
                        int seed,
                        const fs::path& scene_run) {
   const fs::path folder =
-      PrepareRunFolder(bench.common.out / "runs" / (time + "_seed" + std::to_string(seed)), scene_run);
+      PrepareRunFolder(bench.common.out / "runs" / fmt::format("{}_seed{}", time, seed), scene_run);
   std::fprintf(stderr, "bench train: %s, seed %d, in %s\n", time.c_str(), seed, folder.c_str());
   std::vector<std::string> arguments = {"--out", folder.string()};
   arguments.insert(arguments.end(), bench.common_flags.begin(), bench.common_flags.end());
   std::vector<std::string> train = arguments;
-  train.insert(train.end(), {"--time=" + time, "--seed=" + std::to_string(seed)});
+  train.insert(train.end(), {"--time=" + time, fmt::format("--seed={}", seed)});
   train.insert(train.end(), bench.train_flags.begin(), bench.train_flags.end());
   RunStageProgram("train", train);
-  arguments.push_back("--every=" + std::to_string(bench.every));
+  arguments.push_back(fmt::format("--every={}", bench.every));
   RunStageProgram("evaluate", arguments);
 
   TrainingResult result = ReadTrainingResult(folder, time, seed);
@@ -122,8 +125,8 @@ void RunTrainBench(const TrainBench& bench) {
     BudgetResults& runs = budgets.emplace_back();
     for (const int seed : bench.seeds) runs.push_back(RunOnce(bench, time, seed, scene_run));
   }
-  std::string settings = " every=" + std::to_string(bench.every);
-  if (bench.has_image_size) settings += " image-size=" + std::to_string(bench.image_size);
+  std::string settings = fmt::format(" every={}", bench.every);
+  if (bench.has_image_size) settings += fmt::format(" image-size={}", bench.image_size);
   for (const std::string& flag : bench.common_flags) {
     if (flag != "--force=true") settings += " " + flag.substr(2);
   }

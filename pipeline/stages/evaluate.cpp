@@ -1,4 +1,5 @@
-#include <cstdio>
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "io/scene/transforms.h"
@@ -8,8 +9,8 @@
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/stages.h"
 #include "pipeline/stages/stage_options.h"
+#include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {
@@ -35,8 +36,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     for (std::size_t i = 0; i < n_all; i += static_cast<std::size_t>(options.every))
       kept.push_back(test.frames[i]);
     test.frames = std::move(kept);
-    stage.Decide("scored " + std::to_string(test.frames.size()) + " of " + std::to_string(n_all) +
-                 " held-out views");
+    stage.Decide(fmt::format("scored {} of {} held-out views", test.frames.size(), n_all));
   }
   RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
   const Evaluation result = ScoreViews(test, stage.folder(), options);
@@ -44,18 +44,15 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   WriteScores(result, protocol, stage.folder());
 
   const ViewScore& worst = result.views[result.WorstFirst()[0]];
-  char line[512];
-  std::snprintf(line,
-                sizeof line,
-                "%zu held-out views (%s): PSNR %.2f dB, SSIM %.4f, FLIP %.4f; worst %s %.2f dB",
-                result.views.size(),
-                protocol.c_str(),
-                result.psnr_db,
-                result.ssim,
-                result.flip,
-                worst.name.c_str(),
-                worst.psnr_db);
-  std::printf("evaluate: %s\n", line);
+  fmt::print(
+      "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
+      result.views.size(),
+      protocol,
+      result.psnr_db,
+      result.ssim,
+      result.flip,
+      worst.name,
+      worst.psnr_db);
   if (result.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (result.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", protocol);

@@ -1,9 +1,10 @@
 #include "pipeline/stages/film.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
@@ -37,21 +38,14 @@ io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) 
 }
 
 std::string PathDecision(const nerf::CameraPath& path) {
-  char text[200];
   if (path.closed) {
-    std::snprintf(text,
-                  sizeof text,
-                  "camera path: full orbit at distance %.2f, because cameras stood all around",
-                  path.distance);
-  } else {
-    std::snprintf(
-        text,
-        sizeof text,
-        "camera path: swing over %.0f degrees at distance %.2f, because no camera saw the other sides",
-        path.arc_deg,
-        path.distance);
+    return fmt::format("camera path: full orbit at distance {:.2f}, because cameras stood all around",
+                       path.distance);
   }
-  return text;
+  return fmt::format(
+      "camera path: swing over {:.0f} degrees at distance {:.2f}, because no camera saw the other sides",
+      path.arc_deg,
+      path.distance);
 }
 
 }  // namespace
@@ -97,8 +91,8 @@ Film RenderFilm(const nerf::TrainedField& field,
   }
   if (film.rendered > 0) film.ms_per_frame = 1000 * render_time.count() / film.rendered;
   if (film.rendered < options.frames) {
-    film.decisions.push_back(std::to_string(options.frames - film.rendered) +
-                             " frames were on disk already and were kept");
+    film.decisions.push_back(
+        fmt::format("{} frames were on disk already and were kept", options.frames - film.rendered));
   }
   film.videos.push_back(
       io::EncodeVideo(encoder, frames, options.frames, options.fps, folder / "novel_view.mp4"));

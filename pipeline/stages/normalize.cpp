@@ -2,6 +2,8 @@
 // units, the split, near, far, aabb).
 #include "sfm/scene/normalize.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -22,9 +24,9 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/pose_source.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/scene/undistort.h"
-#include "pipeline/stages/stage_options.h"
 
 namespace pipeline {
 namespace {
@@ -53,9 +55,10 @@ void SplitFrames(int holdout_every, PoseSource* source, StageRun* stage) {
   }
   // Observers are indices into the old order; nothing reads them from here on.
   for (io::Point3D& point : source->scene.points) point.frame_indices.clear();
-  stage->Decide(given.empty() ? "split: every " + std::to_string(options.holdout_every) +
-                                    "th picture in natural order is held out for testing"
-                              : "split: kept as given");
+  stage->Decide(
+      given.empty()
+          ? fmt::format("split: every {}th picture in natural order is held out for testing", holdout_every)
+          : "split: kept as given");
 }
 
 // Equal pictures in train and test make every score worthless.
@@ -71,8 +74,7 @@ void WarnOfLeakage(const PoseSource& source, StageRun* stage) {
       else
         shared += source.splits[i] == "test" && trained.contains(hash);
     }
-    if (shared > 0)
-      stage->Decide("warning: " + std::to_string(shared) + " test pictures are training pictures too");
+    if (shared > 0) stage->Decide(fmt::format("warning: {} test pictures are training pictures too", shared));
   }
 }
 
@@ -88,9 +90,7 @@ std::vector<fs::path> PictureNames(const PoseSource& source, bool is_split_given
     is_unique = seen.insert(names.back()).second && is_unique;
   }
   for (std::size_t i = 0; !is_unique && i < names.size(); ++i) {
-    const std::string number = std::to_string(i + 1);
-    const std::string zeros(number.size() < 5 ? 5 - number.size() : 0, '0');
-    names[i].replace_filename(zeros + number + "_" + names[i].filename().string());
+    names[i].replace_filename(fmt::format("{:05}_{}", i + 1, names[i].filename().string()));
   }
   return names;
 }
@@ -157,9 +157,10 @@ void RecordMasks(const io::Scene& scene, double used_share, StageRun* stage) {
   if (n_masks == 0) return;
   stage->Set("masks", static_cast<double>(n_masks));
   stage->Set("used_share", used_share);
-  stage->Decide("masks: for " + std::to_string(n_masks) + " of " + std::to_string(scene.frames.size()) +
-                " pictures; training and scores use " + std::to_string(std::lround(100 * used_share)) +
-                " % of all pixels");
+  stage->Decide(fmt::format("masks: for {} of {} pictures; training and scores use {} % of all pixels",
+                            n_masks,
+                            scene.frames.size(),
+                            std::lround(100 * used_share)));
 }
 
 // transforms_<split>.json of every split that has frames, read back as the next stages will read it.
@@ -185,7 +186,7 @@ void WriteSplits(const PoseSource& source, const fs::path& folder) {
 std::string ProtocolName(const PoseSource& source) {
   const io::Camera& camera = source.scene.cameras[0];
   const int longest = std::max(camera.width, camera.height);
-  return source.is_blender ? "nerf-" + std::to_string(longest) + "-white" : "capture";
+  return source.is_blender ? fmt::format("nerf-{}-white", longest) : "capture";
 }
 
 Json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -243,7 +244,7 @@ void DecideAboutInput(const PoseSource& source, StageRun* stage) {
   for (const std::string& note : source.notes) stage->Decide("input: " + note);
   if (source.missing_images.empty()) return;
   std::string line =
-      std::to_string(source.missing_images.size()) + " posed pictures do not exist and are left out:";
+      fmt::format("{} posed pictures do not exist and are left out:", source.missing_images.size());
   for (std::size_t i = 0; i < std::min(kMaxNamed, source.missing_images.size()); ++i)
     line += " " + source.missing_images[i];
   stage->Decide(line + (source.missing_images.size() > kMaxNamed ? " ..." : ""));
@@ -275,8 +276,8 @@ void Normalize(const CommonOptions& common, const NormalizeFlags& options, const
   const int size_limit = keep_size ? 0 : options.image_size;
   const double used_share = WritePictures(names, size_limit, threads, stage.folder(), &source.scene);
   fs::remove_all(undistorted);
-  stage.Decide("pictures: " + std::to_string(source.scene.cameras[0].width) + " x " +
-               std::to_string(source.scene.cameras[0].height) + " for training");
+  const io::Camera& camera = source.scene.cameras[0];
+  stage.Decide(fmt::format("pictures: {} x {} for training", camera.width, camera.height));
   RecordMasks(source.scene, used_share, &stage);
   WriteSplits(source, stage.folder());
   RecordScene(source, &stage);

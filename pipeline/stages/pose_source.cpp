@@ -1,5 +1,7 @@
 #include "pipeline/stages/pose_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 
@@ -99,9 +101,12 @@ void KeepExistingPictures(const fs::path& images, PoseSource* source) {
     const io::ImageSize size = io::ReadImageSize(frame.image_path);
     if (size.width != camera.width || size.height != camera.height) {
       throw Error(ExitCode::kBadInput,
-                  frame.image_path.string() + ": is " + std::to_string(size.width) + " x " +
-                      std::to_string(size.height) + ", but its camera " + std::to_string(camera.width) +
-                      " x " + std::to_string(camera.height),
+                  fmt::format("{}: is {} x {}, but its camera {} x {}",
+                              frame.image_path.string(),
+                              size.width,
+                              size.height,
+                              camera.width,
+                              camera.height),
                   "Give the pictures that COLMAP was given");
     }
     source->files.push_back(frame.image_path);

@@ -1,4 +1,6 @@
 // `pipeline sfm`: ingest/ in, posed pinhole pictures out.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -12,9 +14,9 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/reconstruction.h"
-#include "pipeline/stages/stage_options.h"
 #include "sfm/scene/undistort.h"
 
 namespace pipeline {

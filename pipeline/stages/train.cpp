@@ -1,6 +1,7 @@
 // `pipeline train`: the radiance field from the normalised scene.
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
@@ -42,27 +43,23 @@ void TrainStage(int argc, const char* const* argv) {
   const nerf::TrainReport report = train_field(scene, heldout, train, run.folder());
   if (!report.derivation.empty()) run.Decide(report.derivation);
   for (const std::string& event : report.events) run.Decide(event);
-  char line[200];
-  std::snprintf(line,
-                sizeof line,
-                "%llu steps in %.1f s with %s: %.3f M samples/s, %.1f samples per ray, %.1f %% of "
-                "the space occupied",
-                static_cast<unsigned long long>(report.steps),
-                report.train_s,
-                report.arithmetic.c_str(),
-                report.samples_per_s / 1e6,
-                report.samples_per_ray,
-                100 * report.occupied_share);
-  run.Decide(line);
+  run.Decide(
+      fmt::format("{} steps in {:.1f} s with {}: {:.3f} M samples/s, {:.1f} samples per ray, {:.1f} % of the "
+                  "space occupied",
+                  report.steps,
+                  report.train_s,
+                  report.arithmetic,
+                  report.samples_per_s / 1e6,
+                  report.samples_per_ray,
+                  100 * report.occupied_share));
   if (report.gemm_gflops > 0) {
-    std::snprintf(line,
-                  sizeof line,
-                  "network arithmetic %.0f GFLOP/s, %.0f %% of the %.0f that plain matrix products of its "
-                  "size reach here",
-                  report.gflops,
-                  100 * report.gflops / report.gemm_gflops,
-                  report.gemm_gflops);
-    run.Decide(line);
+    run.Decide(
+        fmt::format("network arithmetic {:.0f} GFLOP/s, {:.0f} % of the {:.0f} that plain matrix products of "
+                    "its size reach "
+                    "here",
+                    report.gflops,
+                    100 * report.gflops / report.gemm_gflops,
+                    report.gemm_gflops));
     run.Set("gflops", report.gflops);
     run.Set("gemm_gflops", report.gemm_gflops);
   }
