@@ -20,6 +20,7 @@
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stages/train_options.h"
+#include "pipeline/stages/train_preset.h"
 
 namespace pipeline {
 namespace {

@@ -211,7 +211,6 @@ int RunRun(int argc, const char* const* argv) {
         "`pipeline <stage> --help` lists all options of a stage.");
     AddRunOptions(&options, &run);
     if (!options.Parse(argc, argv)) return;
-    ApplyPreset(argc, argv, &options, &run.train);
     ResolvedTrainOptions(options, run.train);  // whether they go together: now, not after half an hour
     fs::path& masks = run.ingest.masks;
     if (!masks.empty()) masks = fs::absolute(masks);  // commands are repeated from anywhere

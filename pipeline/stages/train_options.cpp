@@ -149,18 +149,6 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
                {.min = 0, .affects_result = false});
 }
 
-void ApplyPreset(int argc, const char* const* argv, Options* options, TrainFlags* flags) {
-  if (flags->preset.empty()) return;
-  options->ApplyPreset(argc, argv, [flags] {
-    flags->train = nerf::ReportTrainOptions();
-    flags->density = "relu";
-    flags->initialisation = "uniform";
-    flags->encoding_space = "scene";
-    flags->precision = "bf16";
-    flags->positional_encoding = flags->identity = true;
-  });
-}
-
 nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags& flags) {
   nerf::TrainOptions train = flags.train;
   train.time_s = ParseDuration("time", flags.time);

@@ -1,4 +1,4 @@
-// The options of `pipeline train`: flags bound to nerf::TrainOptions, their ranges, and presets.
+// The options of `pipeline train`: flags bound to nerf::TrainOptions, and their ranges.
 #pragma once
 
 #include <string>
@@ -18,9 +18,6 @@ struct TrainFlags {
 };
 
 void AddTrainOptions(Options* options, TrainFlags* flags);
-
-// Sets the values of flags.preset, then reads flags and file again, which win.
-void ApplyPreset(int argc, const char* const* argv, Options* options, TrainFlags* flags);
 
 // The resolved options. Throws kUsage naming options that do not go together.
 nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags& flags);

@@ -227,7 +227,6 @@ TEST_F(FakeStages, UnusableCommandLinesFailBeforeAnyWork) {
   EXPECT_EQ(Pipeline({"run", photos, "--fps=0"}), 2);  // as `render` would, half an hour later
   EXPECT_EQ(OutputLines("--fps: 0 is out of range"), 1);
   EXPECT_EQ(Pipeline({"run", photos, "--target=30dB", "--steps=5"}), 2);
-  EXPECT_EQ(Pipeline({"run", photos, "--preset=report", "--target=30dB"}), 2);
   EXPECT_EQ(Pipeline({"run", (dir_ / "none").string()}), 3);
   EXPECT_EQ(OutputLines("none: no such file or folder"), 1);
   EXPECT_EQ(Pipeline({"run", photos, "--out", (dir_ / "file").string()}), 2);

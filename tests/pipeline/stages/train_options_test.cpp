@@ -1,10 +1,11 @@
-// pipeline/stages/train_options.h: what the flags of `pipeline train` resolve to.
+// pipeline/stages/train_options.h and train_preset.h: what the flags of `pipeline train` resolve to.
 #include "pipeline/stages/train_options.h"
 
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
 #include "nerf/kernels/kernels.h"
+#include "pipeline/stages/train_preset.h"
 
 namespace pipeline {
 namespace {
