@@ -88,7 +88,10 @@ struct Fence {
 };
 const std::vector<Fence> kFences = {
     {"OpenCV stays in .cpp files", std::regex("opencv2/.*"), std::regex(R"(.*\.cpp)")},
-    {"JSON stays in .cpp files", std::regex("nlohmann/.*"), std::regex(R"(.*\.cpp)")},
+    {"JSON stays in .cpp files, but for its forward declarations",
+     std::regex("nlohmann/(?!json_fwd\\.hpp$).*"),
+     std::regex(R"(.*\.cpp)")},
+    {"CLI11 stays in .cpp files", std::regex("CLI/.*"), std::regex(R"(.*\.cpp)")},
     {"torch stays in nerf/", std::regex("(torch|ATen|c10)/.*"), std::regex("nerf/.*")},
     {"Ceres, COLMAP and SQLite stay in sfm/",
      std::regex("(ceres|colmap)/.*|sqlite3.h"),
@@ -244,6 +247,9 @@ TEST(IncludeLint, FindsEveryKindOfBreach) {
   EXPECT_EQ(includes("io/loose.cpp", "<vector>"), 1u);
   EXPECT_EQ(count("io/base/a.h", {"// A.", "#pragma once", "#include <opencv2/core.hpp>"}), 1u);
   EXPECT_EQ(count("io/base/a.h", {"// A.", "#pragma once", "#  include <nlohmann/json.hpp>"}), 1u);
+  EXPECT_EQ(count("io/base/a.h", {"// A.", "#pragma once", "#include <nlohmann/json_fwd.hpp>"}), 0u);
+  EXPECT_EQ(count("io/base/a.h", {"// A.", "#pragma once", "#include <nlohmann/json_fwd.hpp.in>"}), 1u);
+  EXPECT_EQ(count("io/base/a.h", {"// A.", "#pragma once", "#include <CLI/CLI.hpp>"}), 1u);
   EXPECT_EQ(includes("pipeline/stage/a.cpp", "<torch/torch.h>"), 1u);
   EXPECT_EQ(includes("pipeline/stage/a.cpp", "<sqlite3.h>"), 1u);
   EXPECT_EQ(includes("nerf/data/a.cpp", "<immintrin.h>"), 1u);

@@ -157,11 +157,9 @@ int RunBenchKernels(int argc, const char* const* argv) {
         "rounds, since other jobs may run. Writes kernels.csv and kernels.svg.");
     options.Add("out", &out, "folder for kernels.csv and kernels.svg");
     options.Add("builds", &builds, "portable, avx2, avx512, avx512bf16; all = all that this processor runs");
-    options.Add("rounds", &rounds, "measurements of each kernel; the best counts");
+    options.Add("rounds", &rounds, "measurements of each kernel; the best counts", {.min = 1});
     if (!options.Parse(argc, argv)) return;
     if (out.empty()) throw Error(ExitCode::kUsage, "pipeline bench kernels: --out DIR is missing");
-    if (rounds < 1)
-      throw Error(ExitCode::kUsage, "--rounds: " + std::to_string(rounds) + " is not a number >= 1");
     RunFieldKernels(out, ChooseBuilds(builds), rounds);
   });
 }

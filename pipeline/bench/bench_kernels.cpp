@@ -1,10 +1,11 @@
 // `pipeline bench sfm --kernels`: the matching kernel against what its processor can do at most.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "io/base/atomic_file.h"
-#include "io/base/format.h"
 #include "io/base/median.h"
 #include "io/base/stopwatch.h"
 #include "pipeline/bench/bench.h"
@@ -66,7 +67,8 @@ void RunKernels(const KernelOptions& options) {
                 rate / 1e9,
                 100 * rate / peak,
                 peak / 1e9);
-    csv += io::Format("%s,%d,%.3f,%.2f,%.2f,%.3f\n", name, n, 1e3 * s, rate / 1e9, peak / 1e9, rate / peak);
+    csv += fmt::format(
+        "{},{},{:.3f},{:.2f},{:.2f},{:.3f}\n", name, n, 1e3 * s, rate / 1e9, peak / 1e9, rate / peak);
   }
   io::WriteFileAtomically(options.out / "kernels.csv", csv);
 }

@@ -1,4 +1,6 @@
 // `pipeline bench sfm --matrix`: generated hard cases with truth.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -78,9 +80,7 @@ void PrintCell(const Cell& cell) {
     std::sort(values.begin(), values.end());
     const auto at =
         static_cast<std::size_t>(std::ceil(kPassingShare * static_cast<double>(values.size()))) - 1;
-    char text[64];
-    std::snprintf(text, sizeof text, "%.2g/%.2g", values[at], values.back());
-    return std::string(text);
+    return fmt::format("{:.2g}/{:.2g}", values[at], values.back());
   };
   std::printf("%-4s %-6s %-46s %4d/%-4d rotation %-17s centre %-17s folded %d  %6.1f s %6.1f CPU s ",
               HasPassed(cell) ? "ok" : "FAIL",

@@ -21,10 +21,10 @@ int RunBenchSfm(int argc, const char* const* argv) {
                     "Measures structure-from-motion: generated hard cases with truth, the knobs of "
                     "`pipeline sfm` on a folder of pictures, and the matching kernel.");
     options.Add("out", &common.out, "folder for matrix.csv, results.csv, work_precision.svg, kernels.csv");
-    options.Add("threads", &common.threads, "0 = all cores");
+    options.Add("threads", &common.threads, "0 = all cores", {.min = 0});
     options.Add("matrix", &wants_matrix, "run the hard cases");
-    options.Add("seeds", &matrix.seeds, "seeds per hard case");
-    options.Add("cases", &cases, "hard cases to run, such as S01,S05.2; empty = all");
+    options.Add("seeds", &matrix.seeds, "seeds per hard case", {.min = 1});
+    options.Add("cases", &cases, "hard cases to run, such as S01,S05.2; if not given, all");
     options.Add("images", &sweep.images, "folder of pictures for the sweep of the knobs");
     options.Add("truth",
                 &sweep.truth,
@@ -43,10 +43,6 @@ int RunBenchSfm(int argc, const char* const* argv) {
       throw io::Error(io::ExitCode::kUsage,
                       "pipeline bench sfm: nothing to measure",
                       "Give --matrix, --images FOLDER or --kernels");
-    }
-    if (matrix.seeds < 1) {
-      throw io::Error(io::ExitCode::kUsage,
-                      "--seeds: " + std::to_string(matrix.seeds) + " is not a number >= 1");
     }
     matrix.cases = SplitList(cases);
     sweep.pictures = SplitIntegers("pictures", pictures, 0);

@@ -1,4 +1,6 @@
 // `pipeline bench sfm --images`: what each knob of structure-from-motion costs and brings.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -52,12 +54,11 @@ std::vector<sfm::Picture> ReadPictures(const fs::path& folder) {
                       "Run pipeline ingest and give its folder ingest/images");
     }
     const double focal = io::FocalPixels(tags, size.width, size.height).value_or(0);
-    pictures.push_back(
-        {.name = file.filename().string(),
-         .width = size.width,
-         .height = size.height,
-         .focal_px = focal,
-         .camera_group = tags.make + "/" + tags.model + "/" + std::to_string(std::lround(focal))});
+    pictures.push_back({.name = file.filename().string(),
+                        .width = size.width,
+                        .height = size.height,
+                        .focal_px = focal,
+                        .camera_group = fmt::format("{}/{}/{}", tags.make, tags.model, std::lround(focal))});
   }
   return pictures;
 }
@@ -107,8 +108,12 @@ Run RunOnce(const SweepOptions& options,
   const std::string features = std::to_string(settings.features),
                     size = settings.max_image_size > 0 ? std::to_string(settings.max_image_size) : "full";
   Run run{.method = "ours",
-          .parameters = "pictures=" + std::to_string(pictures.size()) + " features=" + features +
-                        " size=" + size + " matching=" + settings.matching + " detector=" + settings.detector,
+          .parameters = fmt::format("pictures={} features={} size={} matching={} detector={}",
+                                    pictures.size(),
+                                    features,
+                                    size,
+                                    settings.matching,
+                                    settings.detector),
           .label = features + "/" + size + "/" + settings.matching.substr(0, 1) +
                    (settings.detector == "opencv" ? "" : "/" + settings.detector),
           .pictures = pictures.size()};
@@ -292,8 +297,7 @@ void RunSweep(const SweepOptions& options) {
     for (const ColmapPreset& preset : ColmapPresets()) {
       Run run{.method = preset.name, .label = preset.name, .pictures = pictures.size()};
       if (preset.features > 0)
-        run.parameters =
-            "features=" + std::to_string(preset.features) + " size=" + std::to_string(preset.size);
+        run.parameters = fmt::format("features={} size={}", preset.features, preset.size);
       Measure(
           [&](io::ResourceUse* use) {
             return RunColmapPreset(preset,

@@ -1,5 +1,7 @@
 #include "pipeline/bench/bench_table.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -8,6 +10,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/quoting.h"
 #include "pipeline/machine/machine.h"
 #include "pipeline/stage/versions.h"
 
@@ -16,17 +19,8 @@ namespace pipeline {
 std::string CsvLine(const std::vector<std::string>& fields) {
   std::string line;
   for (const std::string& field : fields) {
-    if (!line.empty() || &field != &fields.front()) line += ',';
-    if (field.find_first_of(",\"\n\r") == std::string::npos) {
-      line += field;
-      continue;
-    }
-    line += '"';
-    for (const char c : field) {
-      if (c == '"') line += '"';
-      line += c;
-    }
-    line += '"';
+    if (&field != &fields.front()) line += ',';
+    line += io::CsvField(field);
   }
   return line + "\n";
 }
@@ -40,10 +34,10 @@ std::string CsvNumber(double value) {
 
 std::string BenchMachine() {
   const Machine machine = DescribeMachine();
-  return machine.cpu + ", " + std::to_string(machine.cores) + " cores";
+  return fmt::format("{}, {} cores", machine.cpu, machine.cores);
 }
 
-std::string BenchCommit() { return nlohmann::json::parse(VersionsJson())["commit"].get<std::string>(); }
+std::string BenchCommit() { return VersionsJson()["commit"].get<std::string>(); }
 
 void CheckTableIsOurs(const std::filesystem::path& path, const std::string& header) {
   std::string first;
@@ -78,7 +72,7 @@ std::vector<int> SplitIntegers(const std::string& option_name, const std::string
     const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
     if (error != std::errc() || end != part.data() + part.size() || value < minimum) {
       throw io::Error(io::ExitCode::kUsage,
-                      "--" + option_name + ": '" + part + "' is not a number >= " + std::to_string(minimum),
+                      fmt::format("--{}: '{}' is not a number >= {}", option_name, part, minimum),
                       "Separate numbers by commas");
     }
     values.push_back(value);

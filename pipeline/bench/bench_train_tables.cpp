@@ -1,11 +1,12 @@
 #include "pipeline/bench/bench_train_tables.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdio>
 #include <functional>
 
 #include "io/base/atomic_file.h"
-#include "io/base/format.h"
 #include "pipeline/bench/bench_table.h"
 #include "pipeline/report/plot_svg.h"
 
@@ -53,7 +54,7 @@ std::vector<NamedFigure> Figures() {
   return figures;
 }
 
-std::string Seconds(double seconds) { return std::isfinite(seconds) ? io::Format("%.2f", seconds) : "-"; }
+std::string Seconds(double seconds) { return std::isfinite(seconds) ? fmt::format("{:.2f}", seconds) : "-"; }
 
 void PrintTimes(const char* title, Figure (*to)(double), const std::vector<BudgetResults>& budgets) {
   std::printf("\n%s seconds to a held-out PSNR, median and range over the seeds; -: not reached\n%-8s",
@@ -93,8 +94,8 @@ void PrintTraining(const std::vector<BudgetResults>& budgets) {
     std::printf("%-8s %5zu %-26s %-26s %12.3f %9.0f %7.0f\n",
                 runs[0].time.c_str(),
                 runs.size(),
-                io::Format("%.2f (%.2f to %.2f)", psnr.median, psnr.low, psnr.high).c_str(),
-                io::Format("%.4f (%.4f to %.4f)", ssim.median, ssim.low, ssim.high).c_str(),
+                fmt::format("{:.2f} ({:.2f} to {:.2f})", psnr.median, psnr.low, psnr.high).c_str(),
+                fmt::format("{:.4f} ({:.4f} to {:.4f})", ssim.median, ssim.low, ssim.high).c_str(),
                 rate.median,
                 steps.median,
                 rss.high);
@@ -112,15 +113,14 @@ void WriteTrainingTable(const std::filesystem::path& path,
     const std::string budget = "time=" + runs[0].time;
     for (const NamedFigure& f : Figures()) {
       for (const TrainingResult& run : runs) {
-        values.push_back(
-            {scene,
-             budget + " seed=" + std::to_string(run.seed) + settings + " trained_by=" + run.commit,
-             f.name,
-             f.unit,
-             f.figure(run)});
+        values.push_back({scene,
+                          fmt::format("{} seed={}{} trained_by={}", budget, run.seed, settings, run.commit),
+                          f.name,
+                          f.unit,
+                          f.figure(run)});
       }
       const Spread s = Over(runs, f.figure);
-      const std::string parameters = budget + " seeds=" + std::to_string(runs.size()) + settings;
+      const std::string parameters = fmt::format("{} seeds={}{}", budget, runs.size(), settings);
       values.push_back({scene, parameters, f.name + "_median", f.unit, s.median});
       values.push_back({scene, parameters, f.name + "_min", f.unit, s.low});
       values.push_back({scene, parameters, f.name + "_max", f.unit, s.high});

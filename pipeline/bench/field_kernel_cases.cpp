@@ -1,4 +1,6 @@
 // The kernels of the `hash` field as training calls them, as cases of `pipeline bench kernels`.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <memory>
 
@@ -193,7 +195,7 @@ void CaseList::AddGrid(int log2_entries, const std::shared_ptr<LayerData<Real>>&
 template <typename Real>
 void CaseList::AddLayer(int k, int m, Epilogue epilogue, const std::shared_ptr<LayerData<Real>>& rows) {
   const kernels::NetworkKernels<Real>& layers = kernels_.Network<Real>();
-  const std::string size = std::to_string(k) + "x" + std::to_string(m);
+  const std::string size = fmt::format("{}x{}", k, m);
   const bool keeps_sums = k == 64 && m == 16;  // the density network's outputs stay float
   AddArithmetic("matmul " + size, kFormat<Real>, "sample", kRows, 2.0 * k * m, [=, &layers] {
     LayerData<Real>& r = *rows;
@@ -265,7 +267,7 @@ void CaseList::AddOptimiser(const std::string& name,
     KernelCase& c = Add(name, rounded ? "bf16" : "fp32", "element", static_cast<double>(n));
     c.unit = "GB/s";
     c.work = OptimiserBytes(gradients, per_entry, rounded);
-    const std::string size = std::to_string(4 * n * sizeof(float) >> 20) + "MiB";
+    const std::string size = fmt::format("{}MiB", 4 * n * sizeof(float) >> 20);
     c.limit = KernelCase{.build = kAnyBuild, .kernel = kStreamUpdate, .format = size}.Name();
     c.prepare = [data = data_, &gradients] { data->step_gradient = gradients; };
     c.run = [=, data = data_, all = kernels_] {

@@ -11,8 +11,8 @@ struct KernelCase {
   std::string build, kernel, format;  // "avx2", "matmul 32x64", "fp32"
   std::string item;                   // what the time is stated for: "sample", "element"
   double items = 0;                   // of one run
-  std::string unit;                   // of the rate, a thousand million of something per second: "GFLOP/s"
-  double work = 0;                    // of one run, in that something
+  std::string unit;                   // of the rate: 1e9 of something per second, as "GFLOP/s"
+  double work = 0;                    // of one run, counted in that something
   std::string limit;                  // Name() of the case whose rate bounds this one; empty: a limit itself
   std::function<void()> run;
   std::function<void()> prepare;  // before each run, not timed; may be empty

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -59,6 +61,6 @@ KernelData::KernelData() {
   sums = Filled(kernels::kProbeSums, 5, 0.25f, 1);
 }
 
-std::string Power(int log2_entries) { return " 2^" + std::to_string(log2_entries); }
+std::string Power(int log2_entries) { return fmt::format(" 2^{}", log2_entries); }
 
 }  // namespace pipeline

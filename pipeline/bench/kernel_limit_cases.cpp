@@ -1,4 +1,6 @@
 // What the machine can do at most, as cases: the yardsticks of `pipeline bench kernels`.
+#include <fmt/format.h>
+
 #include <memory>
 
 #include "io/base/random.h"
@@ -39,7 +41,7 @@ KernelCase AccessCase(
 }
 
 KernelCase StreamCase(const char* what, double mebibytes, double bytes_per_byte, std::function<void()> run) {
-  const std::string size = std::to_string(static_cast<int>(mebibytes)) + "MiB";
+  const std::string size = fmt::format("{}MiB", static_cast<int>(mebibytes));
   KernelCase c{.build = kAnyBuild, .kernel = what, .format = size, .item = "byte", .unit = "GB/s"};
   c.items = c.work = mebibytes * (1 << 20) * bytes_per_byte;
   c.run = std::move(run);

@@ -13,10 +13,10 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 Json ReadRecord(const fs::path& run_folder, const std::string& stage) {
-  Json record = Json::parse(ReadStageRecord(run_folder, stage), nullptr, false);
+  Json record = ReadStageRecord(run_folder, stage);
   if (record.is_object()) return record;
   throw io::Error(io::ExitCode::kBadState,
                   run_folder.string() + ": has no valid record of `" + stage + "`",

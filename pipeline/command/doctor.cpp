@@ -1,7 +1,9 @@
 // `pipeline doctor`: what this computer offers, what is missing, and how to get it.
 #include <cstdio>
+#include <cstdlib>
 
 #include "io/base/error.h"
+#include "nerf/kernels/kernels.h"
 #include "pipeline/command/commands.h"
 #include "pipeline/machine/machine.h"
 #include "pipeline/stage/guarded_main.h"
@@ -38,12 +40,16 @@ int RunDoctor(int argc, const char* const* argv) {
     std::filesystem::path out = ".";
     Options options("pipeline doctor",
                     "Checks processor, memory, disk, linear algebra and external programs.");
-    options.Add("out", &out, "folder whose disk is checked", false);
+    options.Add("out", &out, "folder whose disk is checked", {.affects_result = false});
     if (!options.Parse(argc, argv)) return;
 
     const Machine machine = DescribeMachine();
     Row("CPU", "%s, %d cores", machine.cpu.c_str(), machine.cores);
-    Row("SIMD", "%s", machine.simd.c_str());
+    Row("SIMD",
+        "%s kernels%s, bfloat16 %s",
+        machine.kernels.c_str(),
+        std::getenv("PIPELINE_SIMD") ? " (PIPELINE_SIMD is set)" : "",
+        machine.has_bf16 ? "in hardware" : "widened to float, which costs time");
     Row("memory", "%.1f GiB, %.1f free", machine.memory_gib, machine.memory_available_gib);
     std::error_code error;
     const auto space = std::filesystem::space(out, error);
@@ -56,9 +62,10 @@ int RunDoctor(int argc, const char* const* argv) {
         machine.blas_kernels.c_str(),
         machine.blas_threads,
         gflops);
-    if (machine.simd == "avx512" && (machine.blas_kernels == "Haswell" || machine.blas_kernels == "Zen"))
+    if (nerf::kernels::FindKernels("avx512") &&
+        (machine.blas_kernels == "Haswell" || machine.blas_kernels == "Zen"))
       Row("", "these kernels leave AVX-512 unused: export OPENBLAS_CORETYPE=SKYLAKEX");
-    if (gflops < kSlowSgemmGflops && machine.simd != "portable")
+    if (gflops < kSlowSgemmGflops && nerf::kernels::FindKernels("avx2"))
       Row("", "slow for this CPU: close other programs, or apt install libopenblas-openmp-dev");
 
     const bool has_colmap = Report("COLMAP", FindColmap(), "colmap");

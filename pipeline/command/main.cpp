@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "io/base/error.h"
@@ -61,7 +62,7 @@ int main(int argc, char** argv) {
     return static_cast<int>(name.empty() ? io::ExitCode::kUsage : io::ExitCode::kOk);
   }
   if (name == "--version") {
-    std::printf("%s\n", pipeline::VersionsJson().c_str());
+    std::printf("%s\n", pipeline::VersionsJson().dump().c_str());
     return 0;
   }
   std::vector<std::string> names;

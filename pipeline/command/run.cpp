@@ -5,13 +5,16 @@
 
 #include <chrono>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
 #include "io/base/process.h"
 #include "io/base/progress.h"
+#include "io/base/quoting.h"
 #include "pipeline/command/commands.h"
+#include "pipeline/ingest/ingest_options.h"
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/machine/machine.h"
 #include "pipeline/stage/common_options.h"
@@ -20,6 +23,8 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
+#include "pipeline/stages/stage_options.h"
+#include "pipeline/stages/train_options.h"
 
 namespace pipeline {
 namespace {
@@ -32,24 +37,27 @@ namespace fs = std::filesystem;
 // Stages promise to stop within 2 s, and so do the programs that they started: wait for both.
 constexpr double kStageGrace_s = 6;
 
-// The stages own the defaults: an option is forwarded only when it was set, and 0 or "" here means "not set".
+// The flags of the stages, whose options `run` offers under the stages' own defaults, ranges and help.
 struct RunOptions {
-  fs::path input, masks;
+  fs::path input;
   CommonOptions common;
-  int max_frames = 0, max_size = 0, features = 0, image_size = 0, holdout_every = 0, steps = 0;
-  int frames_out = 0;
-  double fps = 0;
-  std::uint64_t seed = 0;
-  std::string frames, time, target, field, preset;
-  bool depth = false;
+  IngestFlags ingest;
+  sfm::ReconstructionOptions sfm;
+  NormalizeFlags normalize;
+  TrainFlags train;
+  FilmOptions render;
 };
 
 struct Forward {
   const char* option;
-  const char* stage;  // nullptr: every stage
+  const char* stage;  // "": every stage
   const char* stage_option;
 };
 constexpr Forward kForwards[] = {
+    {"time", "train", "time"},
+    {"target", "train", "target"},
+    {"field", "train", "field"},
+    {"preset", "train", "preset"},
     {"masks", "ingest", "masks"},
     {"max-frames", "ingest", "max-frames"},
     {"frames", "ingest", "frames"},
@@ -57,41 +65,30 @@ constexpr Forward kForwards[] = {
     {"features", "sfm", "features"},
     {"image-size", "normalize", "image-size"},
     {"holdout-every", "normalize", "holdout-every"},
-    {"field", "train", "field"},
-    {"preset", "train", "preset"},
-    {"time", "train", "time"},
-    {"target", "train", "target"},
     {"steps", "train", "steps"},
     {"seed", "train", "seed"},
     {"frames-out", "render", "frames"},
     {"fps", "render", "fps"},
     {"depth", "render", "depth"},
-    {"threads", nullptr, "threads"},
-    {"force", nullptr, "force"},
+    {"threads", "", "threads"},
+    {"force", "", "force"},
 };
 
 void AddRunOptions(Options* options, RunOptions* run) {
+  std::map<std::string, Options> stages;
+  for (const char* stage : {"", "ingest", "sfm", "normalize", "train", "render"})
+    stages.try_emplace(stage, "", "");
+  AddCommonOptions(&stages.at(""), &run->common);
+  AddIngestOptions(&stages.at("ingest"), &run->ingest);
+  AddSfmOptions(&stages.at("sfm"), &run->sfm);
+  AddNormalizeOptions(&stages.at("normalize"), &run->normalize);
+  AddTrainOptions(&stages.at("train"), &run->train);
+  AddRenderOptions(&stages.at("render"), &run->render);
   options->AddPositional(
       "INPUT", &run->input, "folder of pictures, quoted glob, video, transforms.json or COLMAP model", true);
-  options->Add("out", &run->common.out, "run folder; default: <INPUT>.run", false);
-  options->Add("time", &run->time, "training budget, such as 90s, 5m or 1h (train)");
-  options->Add("target", &run->target, "train until held-out views reach this PSNR, as 30dB (train)");
-  options->Add("field", &run->field, "radiance field: hash or nerf (train)");
-  options->Add("preset", &run->preset, "report: the original NeRF as the report trained it (train)");
-  options->Add("masks", &run->masks, "folder of masks of the photos; white is used (ingest)");
-  options->Add("max-frames", &run->max_frames, "most frames taken from a video (ingest)");
-  options->Add("frames", &run->frames, "A:B, range of video frames to use (ingest)");
-  options->Add("max-size", &run->max_size, "longest side, pixels, for finding poses (ingest)");
-  options->Add("features", &run->features, "features per picture (sfm)");
-  options->Add("image-size", &run->image_size, "longest side, pixels, for training (normalize)");
-  options->Add("holdout-every", &run->holdout_every, "every n-th view is kept for measuring (normalize)");
-  options->Add("steps", &run->steps, "most training steps (train)");
-  options->Add("seed", &run->seed, "seed of all random numbers (train)");
-  options->Add("frames-out", &run->frames_out, "frames of the film (render)");
-  options->Add("fps", &run->fps, "frames per second of the film (render)");
-  options->Add("depth", &run->depth, "also render a film of depth (render)");
-  options->Add("threads", &run->common.threads, "worker threads; 0 = all cores", false);
-  options->Add("force", &run->common.force, "run every stage again", false);
+  options->Add("out", &run->common.out, "run folder; default: <INPUT>.run", {.affects_result = false});
+  for (const Forward& forward : kForwards)
+    options->AddFrom(stages.at(forward.stage), forward.stage_option, forward.option, forward.stage);
 }
 
 std::vector<std::string> StageArguments(const std::string& stage,
@@ -106,7 +103,7 @@ std::vector<std::string> StageArguments(const std::string& stage,
     if (!input.images.empty()) arguments.insert(arguments.end(), {"--images", input.images.string()});
   }
   for (const Forward& forward : kForwards) {
-    const bool applies = !forward.stage || stage == forward.stage;
+    const bool applies = *forward.stage == 0 || stage == forward.stage;
     if (applies && options.IsSetByUser(forward.option))
       arguments.push_back(std::string("--") + forward.stage_option + "=" + options.ValueText(forward.option));
   }
@@ -116,19 +113,7 @@ std::vector<std::string> StageArguments(const std::string& stage,
 // As one would type it in a shell.
 std::string CommandText(const std::string& stage, const std::vector<std::string>& arguments) {
   std::string text = "pipeline " + stage;
-  for (const std::string& argument : arguments) {
-    const bool plain = argument.find_first_not_of(
-                           "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                           "0123456789_-+=./:,@%") == std::string::npos;
-    text += ' ';
-    if (plain) {
-      text += argument;
-      continue;
-    }
-    text += '\'';
-    for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    text += '\'';
-  }
+  for (const std::string& argument : arguments) text += " " + io::ShellWord(argument);
   return text;
 }
 
@@ -147,7 +132,7 @@ int RunStage(const std::string& stage, const fs::path& out, const std::vector<st
     return 128 + report.signal;
   }
   if (report.exit_code != 0) return report.exit_code;
-  const Json record = Json::parse(ReadStageRecord(out, stage), nullptr, false);
+  const Json record = ReadStageRecord(out, stage);
   if (!record.is_object() || record.value("status", "") != "done")
     throw Error(ExitCode::kInternal, stage + " ended without its record", "Please report this as a bug");
   return 0;
@@ -157,7 +142,7 @@ void PrintResults(const fs::path& out, const std::vector<std::string>& stages, d
   double total_s = 0;
   std::string times;
   for (const std::string& stage : stages) {
-    const Json record = Json::parse(ReadStageRecord(out, stage));
+    const Json record = ReadStageRecord(out, stage);
     const double stage_s = record.value("wall_s", 0.0);
     total_s += stage_s;
     times += (times.empty() ? "" : ", ") + stage + " " + io::FormatDuration(stage_s);
@@ -179,7 +164,7 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
   const auto start = std::chrono::steady_clock::now();
   fs::path out = run.common.out.empty() ? DefaultRunFolder(input.path) : fs::absolute(run.common.out);
   out = (out / "").lexically_normal().parent_path();
-  if (!run.masks.empty() && !input.poses.empty()) {
+  if (!run.ingest.masks.empty() && !input.poses.empty()) {
     throw Error(ExitCode::kUsage,
                 "--masks: " + input.poses.string() + " has poses, and then the frames name their masks",
                 "Write \"mask_path\" into the frames of a transforms.json");
@@ -202,10 +187,8 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
     stages.push_back(stage);
     commands[stage] = CommandText(stage, StageArguments(stage, input, out, options));
   }
-  const Json members = {{"input", input.path.string()},
-                        {"options", Json::parse(options.ResolvedJson())},
-                        {"commands", commands}};
-  RecordRun(out, members.dump(-1, ' ', false, Json::error_handler_t::replace));
+  RecordRun(out,
+            {{"input", input.path.string()}, {"options", options.ResolvedJson()}, {"commands", commands}});
 
   for (const std::string& stage : stages) {
     const int exit_code = RunStage(stage, out, StageArguments(stage, input, out, options));
@@ -224,13 +207,13 @@ int RunRun(int argc, const char* const* argv) {
     Options options(
         "pipeline run",
         "From pictures, a video or known poses to a film and a report. What is still valid is kept,\n"
-        "what was interrupted is resumed. Options that are not given keep the stage's default; the\n"
-        "stage is named in brackets: see `pipeline <stage> --help`.");
+        "what was interrupted is resumed. The stage that an option goes to is named in brackets;\n"
+        "`pipeline <stage> --help` lists all options of a stage.");
     AddRunOptions(&options, &run);
     if (!options.Parse(argc, argv)) return;
-    if (!run.masks.empty()) run.masks = fs::absolute(run.masks);       // commands are repeated from anywhere
-    if (options.IsSetByUser("time")) ParseDuration("time", run.time);  // now, not after half an hour
-    if (options.IsSetByUser("target")) ParseDecibels("target", run.target);
+    ResolvedTrainOptions(options, run.train);  // whether they go together: now, not after half an hour
+    fs::path& masks = run.ingest.masks;
+    if (!masks.empty()) masks = fs::absolute(masks);  // commands are repeated from anywhere
     stage_exit_code = RunChain(run, ExamineInput(run.input), options);
   });
   return exit_code != 0 ? exit_code : stage_exit_code;

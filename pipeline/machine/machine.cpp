@@ -1,6 +1,7 @@
 #include "pipeline/machine/machine.h"
 
 #include <cblas.h>
+#include <fmt/format.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -15,6 +16,7 @@
 #include "io/base/error.h"
 #include "io/base/parallel.h"
 #include "io/base/process.h"
+#include "nerf/kernels/kernels.h"
 
 namespace pipeline {
 namespace {
@@ -40,15 +42,6 @@ double MemoryGib(const std::string& key) {
   return kib / (1 << 20);
 }
 
-std::string SimdLevel() {
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")) {
-    return "avx512";
-  }
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? "avx2" : "portable";
-}
-
 // Everything the program prints.
 std::string OutputOf(const std::vector<std::string>& argv) {
   std::string log = (fs::temp_directory_path() / "pipeline_probe_XXXXXX").string();
@@ -72,7 +65,8 @@ Machine DescribeMachine() {
   Machine machine;
   machine.cpu = ProcValue("/proc/cpuinfo", "model name");
   machine.cores = io::AvailableCores();
-  machine.simd = SimdLevel();
+  machine.kernels = nerf::kernels::ActiveKernels().name;
+  machine.has_bf16 = nerf::kernels::HasBf16Products();
   machine.memory_gib = MemoryGib("MemTotal");
   machine.memory_available_gib = MemoryGib("MemAvailable");
   machine.blas = FirstMatch(openblas_get_config(), R"(^(\S+ \S+))");
@@ -82,9 +76,12 @@ Machine DescribeMachine() {
 }
 
 std::string StartupLine(const Machine& machine) {
-  return machine.blas + " with " + machine.blas_kernels + " kernels, " +
-         std::to_string(machine.blas_threads) + " threads; " + machine.simd + "; " +
-         std::to_string(machine.cores) + " cores";
+  return fmt::format("{} with {} kernels, {} threads; {}; {} cores",
+                     machine.blas,
+                     machine.blas_kernels,
+                     machine.blas_threads,
+                     machine.kernels,
+                     machine.cores);
 }
 
 double MeasureSgemmGflops() {

@@ -7,9 +7,10 @@
 namespace pipeline {
 
 struct Machine {
-  std::string cpu;   // the processor's own name
-  int cores = 0;     // usable by this process
-  std::string simd;  // "avx512", "avx2" or "portable": the level the kernels choose
+  std::string cpu;        // the processor's own name
+  int cores = 0;          // usable by this process
+  std::string kernels;    // build of the `hash` field's kernels that runs, see nerf/kernels/kernels.h
+  bool has_bf16 = false;  // whether it multiplies bfloat16 in hardware
   double memory_gib = 0, memory_available_gib = 0;
   std::string blas;          // "OpenBLAS 0.3.21"
   std::string blas_kernels;  // the CPU that they were written for: "SkylakeX"
@@ -17,7 +18,7 @@ struct Machine {
 };
 Machine DescribeMachine();
 
-// "OpenBLAS 0.3.21 with SkylakeX kernels, 2 threads; avx512; 2 cores"
+// "OpenBLAS 0.3.21 with SkylakeX kernels, 2 threads; avx512bf16; 2 cores"
 std::string StartupLine(const Machine& machine);
 
 // Rate of a single-precision matrix product, best of several within about a third of a second.

@@ -16,7 +16,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 // Files that the page shows, as far as they exist.
 std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
@@ -44,7 +44,7 @@ std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
 
 // report.html lies outside the stage's folder; its record says which page belongs to it.
 bool PageIsIntact(const fs::path& run_folder, const fs::path& page) {
-  const Json record = Json::parse(ReadStageRecord(run_folder, "report"), nullptr, false);
+  const Json record = ReadStageRecord(run_folder, "report");
   return record.is_object() && record.contains("page_hash") && fs::is_regular_file(page) &&
          record["page_hash"] == io::HashFile(page);
 }

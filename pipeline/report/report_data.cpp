@@ -8,6 +8,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/quoting.h"
 #include "pipeline/stage/frames.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
@@ -19,14 +20,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-// An empty object when the text is absent or not an object: the report leaves out what it cannot read.
-Json ParseObject(const std::string& text) {
-  const Json json = Json::parse(text, nullptr, false);
-  return json.is_object() ? json : Json::object();
-}
+// An empty object in place of anything else: the report leaves out what it cannot read.
+Json ObjectOf(const Json& json) { return json.is_object() ? json : Json::object(); }
 
 Json ReadObject(const fs::path& path) {
-  return fs::is_regular_file(path) ? ParseObject(io::ReadFile(path)) : Json::object();
+  return fs::is_regular_file(path) ? ObjectOf(Json::parse(io::ReadFile(path), nullptr, false))
+                                   : Json::object();
 }
 
 double NumberAt(const Json& json, const char* key) {
@@ -49,27 +48,17 @@ std::vector<Json> ObjectsAt(const Json& json, const char* key) {
   return objects;
 }
 
-std::string ShellWord(const std::string& word) {
-  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
-    return std::isalnum(c) || std::string("_-+=./:,@%").find(static_cast<char>(c)) != std::string::npos;
-  });
-  if (plain) return word;
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
-
 // The command that the resolved options of a record amount to: input, --out, and what the user set.
 std::string CommandFromOptions(const std::string& command, const std::string& input, const Json& options) {
   std::string text = "pipeline " + command;
-  if (!input.empty()) text += " " + ShellWord(input);
+  if (!input.empty()) text += " " + io::ShellWord(input);
   for (const auto& [name, option] : options.items()) {
     if (name == "INPUT" || !option.is_object() || !option.contains("value")) continue;
     const std::string origin = TextAt(option, "origin");
     if (origin != "flag" && origin != "file") continue;
     const Json& value = option["value"];
-    text +=
-        " " + ShellWord("--" + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
+    text += " " +
+            io::ShellWord("--" + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
   }
   return text;
 }
@@ -86,7 +75,7 @@ void GatherStages(const fs::path& run_folder, const Json& run, ReportData* data)
     StageSummary stage;
     stage.name = entry.name;
     stage.help = entry.help;
-    const Json record = ParseObject(ReadStageRecord(run_folder, entry.name));
+    const Json record = ObjectOf(ReadStageRecord(run_folder, entry.name));
     stage.done = TextAt(record, "status") == "done";
     stage.wall_s = NumberAt(record, "wall_s");
     stage.cpu_s = NumberAt(record, "cpu_s");
@@ -125,7 +114,7 @@ void GatherPictures(const fs::path& run_folder, ReportData* data) {
   data->masks = scene.masks;
   data->used_share = scene.used_share;
 
-  const Json sfm = ParseObject(ReadStageRecord(run_folder, "sfm"));
+  const Json sfm = ObjectOf(ReadStageRecord(run_folder, "sfm"));
   data->has_sfm = sfm.contains("registered");
   data->images = static_cast<int>(NumberAt(sfm, "images"));
   data->registered = static_cast<int>(NumberAt(sfm, "registered"));
@@ -191,7 +180,7 @@ ReportData GatherReport(const fs::path& run_folder) {
                     "Run `pipeline run INPUT --out " + run_folder.string() + "` first");
   }
   GatherPictures(run_folder, &data);
-  const Json train = ParseObject(ReadStageRecord(run_folder, "train"));
+  const Json train = ObjectOf(ReadStageRecord(run_folder, "train"));
   data.field = TextAt(train, "field");
   data.train_s = NumberAt(train, "train_s");
   data.train_steps = NumberAt(train, "steps");
@@ -199,7 +188,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   data.curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
   GatherScores(run_folder, &data);
 
-  const Json render = ParseObject(ReadStageRecord(run_folder, "render"));
+  const Json render = ObjectOf(ReadStageRecord(run_folder, "render"));
   data.film_frames = static_cast<int>(NumberAt(render, "frames"));
   data.film_ms_per_frame = NumberAt(render, "ms_per_frame");
   const fs::path film = run_folder / "render" / "novel_view.mp4", depth = run_folder / "render" / "depth.mp4";

@@ -1,6 +1,8 @@
 // An advisory lock on a hidden file, whose text names the owner.
 #include "pipeline/stage/folder_lock.h"
 
+#include <fmt/format.h>
+
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -23,7 +25,7 @@ std::string ThisProcess() {
   gethostname(host, sizeof host - 1);
   const std::time_t now = std::time(nullptr);
   std::strftime(when, sizeof when, "%F %T", std::localtime(&now));
-  return "process " + std::to_string(getpid()) + " on " + host + " since " + when;
+  return fmt::format("process {} on {} since {}", getpid(), host, when);
 }
 
 // Returns what went wrong, or nothing. Throws kLocked when another process holds the lock.

@@ -1,11 +1,15 @@
 #include "pipeline/stage/options.h"
 
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 #include <set>
 
 #include "io/base/atomic_file.h"
@@ -19,6 +23,11 @@ using io::ExitCode;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMaxConfigBytes = 1 << 20;  // a configuration is a page of text
+constexpr double kMaxDuration_s = 30 * 24 * 3600;
+
+[[noreturn]] void Refuse(const std::string& what, const std::string& remedy = "See --help") {
+  throw Error(ExitCode::kUsage, what, remedy);
+}
 
 std::size_t EditDistance(const std::string& a, const std::string& b) {
   std::vector<std::size_t> row(b.size() + 1);
@@ -35,41 +44,79 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
   return row.back();
 }
 
+std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+// "at least 1, below 240"; empty without bounds.
+std::string RangeText(const OptionRule& rule) {
+  std::string text;
+  const auto add = [&](const char* words, double bound) {
+    if (std::isfinite(bound)) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", words, bound);
+  };
+  add("at least", rule.min), add("above", rule.above), add("at most", rule.max), add("below", rule.below);
+  return text;
+}
+
+// CLI11's own conversions read 010 as eight and -1 as a large seed, and round doubles twice.
 template <typename T>
-void ParseNumber(const std::string& name, const std::string& text, T* value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
-  if (error != std::errc() || end != text.data() + text.size() ||
-      !std::isfinite(static_cast<double>(*value))) {
-    throw Error(ExitCode::kUsage, "--" + name + ": '" + text + "' is not a number in range");
+void ParseValue(const std::string& label, const OptionRule& rule, const std::string& text, T* value) {
+  if (text.empty()) Refuse(label + ": '' is no value", "Leave the option out");
+  if constexpr (std::is_same_v<T, bool>) {
+    if (text != "true" && text != "false") Refuse(label + ": '" + text + "' is neither true nor false");
+    *value = text == "true";
+  } else if constexpr (std::is_arithmetic_v<T>) {
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
+    const auto number = static_cast<double>(*value);
+    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(number))
+      Refuse(label + ": '" + text + "' is not a number in range");
+    if (number < rule.min || number <= rule.above || number > rule.max || number >= rule.below)
+      Refuse(label + ": " + text + " is out of range", "Allowed: " + RangeText(rule));
+  } else {
+    *value = text;
   }
 }
 
-std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+// The number that `text` begins with, and the rest of it.
+std::optional<std::pair<double, std::string>> SplitUnit(const std::string& text) {
+  double number = 0;
+  const char* const last = text.data() + text.size();
+  const auto [end, error] = std::from_chars(text.data(), last, number);
+  if (error != std::errc()) return std::nullopt;
+  return std::pair(number, std::string(end, last));
+}
+
+// The usage line comes first, and options go by one name each.
+class HelpText : public CLI::Formatter {
+ public:
+  HelpText() { column_width(25); }
+  std::string make_description(const CLI::App*) const override { return ""; }
+  std::string make_usage(const CLI::App* app, std::string name) const override {
+    std::string usage = "usage: " + name;
+    for (const CLI::Option* option : app->get_options({})) {
+      if (option->get_positional()) usage += " " + make_option_usage(option);
+    }
+    return usage + " [options]\n\n" + app->get_description() + "\n";
+  }
+  std::string make_option_name(const CLI::Option* option, bool is_positional) const override {
+    return option->get_name(is_positional);
+  }
+  std::string make_option_opts(const CLI::Option*) const override { return ""; }
+};
 
 }  // namespace
 
 struct Options::Option {
   std::string name, help;
   Field field;
-  bool affects_result, positional, required;
+  OptionRule rule;
+  bool positional;
   std::string origin = "default";
 
   void Assign(const std::string& text) const {
-    if (auto* b = std::get_if<bool*>(&field)) {
-      if (text != "true" && text != "false")
-        throw Error(ExitCode::kUsage, "--" + name + ": '" + text + "' is neither true nor false");
-      **b = text == "true";
-    } else if (auto* i = std::get_if<int*>(&field)) {
-      ParseNumber(name, text, *i);
-    } else if (auto* u = std::get_if<std::uint64_t*>(&field)) {
-      ParseNumber(name, text, *u);
-    } else if (auto* d = std::get_if<double*>(&field)) {
-      ParseNumber(name, text, *d);
-    } else if (auto* s = std::get_if<std::string*>(&field)) {
-      **s = text;
-    } else {
-      *std::get<std::filesystem::path*>(field) = text;
-    }
+    const std::string label = positional ? name : "--" + name;
+    std::visit([&](auto* value) { ParseValue(label, rule, text, value); }, field);
+    if (!rule.choices.empty() && std::count(rule.choices.begin(), rule.choices.end(), ValueText()) == 0)
+      Refuse(label + ": '" + text + "' is unknown", fmt::format("Known: {}", fmt::join(rule.choices, ", ")));
+    if (rule.check) rule.check(name, text);
   }
 
   // JSON types are taken at their word: "5" is no number and 5 is no file name.
@@ -80,9 +127,8 @@ struct Options::Option {
                       : std::holds_alternative<bool*>(field) ? value.is_boolean()
                                                              : value.is_number();
     if (!fits) {
-      throw Error(ExitCode::kUsage,
-                  file.string() + ": \"" + name + "\": " + Dump(value) + " has the wrong type",
-                  std::string("Write ") + (is_text ? "a string" : "a number, or true or false for a switch"));
+      Refuse(file.string() + ": \"" + name + "\": " + Dump(value) + " has the wrong type",
+             std::string("Write ") + (is_text ? "a string" : "a number, or true or false for a switch"));
     }
     Assign(is_text ? value.get<std::string>() : value.dump());
   }
@@ -98,118 +144,124 @@ struct Options::Option {
         },
         field);
   }
+
+  std::string ValueText() const {
+    if (const auto* d = std::get_if<double*>(&field)) {
+      char text[32];  // the shortest that reads back the same: at most 24 characters
+      return std::string(text, std::to_chars(text, text + sizeof text, **d).ptr);
+    }
+    const Json value = Value();
+    return value.is_string() ? value.get<std::string>() : value.dump();
+  }
 };
 
-Options::Options(std::string program, std::string description)
-    : program_(std::move(program)), description_(std::move(description)) {}
+Options::Options(const std::string& program, const std::string& description)
+    : app_(std::make_unique<CLI::App>(description, program)) {
+  app_->formatter(std::make_shared<HelpText>());
+  app_->allow_extras();  // RefuseArgument names the nearest option
+  app_->add_option("--config")->take_last()->description("JSON file with option values; flags win");
+}
 
 Options::~Options() = default;
 
-void Options::Add(const std::string& name, Field field, const std::string& help, bool affects_result) {
-  options_.push_back(std::make_unique<Option>(Option{name, help, field, affects_result, false, false}));
+void Options::Add(const std::string& name, Field field, const std::string& help, const OptionRule& rule) {
+  Option* option =
+      options_.emplace_back(std::make_unique<Option>(Option{name, help, field, rule, false})).get();
+  const std::string range = RangeText(rule), value = Dump(option->Value());
+  const bool is_switch = std::holds_alternative<bool*>(field);
+  (is_switch ? app_->add_flag("--" + name + ",!--no-" + name) : app_->add_option("--" + name))
+      ->take_last()
+      ->each([option](const std::string& text) { option->Assign(text), option->origin = "flag"; })
+      ->description(help + (range.empty() ? "" : "; " + range) + (value == "\"\"" ? "" : " [" + value + "]"));
 }
 
 void Options::AddPositional(const std::string& name, Field field, const std::string& help, bool required) {
-  options_.push_back(std::make_unique<Option>(Option{name, help, field, false, true, required}));
+  OptionRule rule{.affects_result = false};
+  Option* option =
+      options_.emplace_back(std::make_unique<Option>(Option{name, help, field, rule, true})).get();
+  app_->add_option(name)->required(required)->description(help)->each(
+      [option](const std::string& text) { option->Assign(text), option->origin = "flag"; });
 }
 
-Options::Option* Options::Find(const std::string& name) const {
+void Options::AddFrom(const Options& other,
+                      const std::string& other_name,
+                      const std::string& name,
+                      const std::string& note) {
+  const Option& option = other.Find(other_name);
+  Add(name, option.field, option.help + (note.empty() ? "" : " (" + note + ")"), option.rule);
+}
+
+Options::Option& Options::Find(const std::string& name) const {
   std::vector<std::string> names;
   for (const auto& option : options_) {
     if (option->positional) continue;
-    if (option->name == name) return option.get();
+    if (option->name == name) return *option;
     names.push_back(option->name);
   }
   const std::string nearest = NearestName(name, names);
-  throw Error(ExitCode::kUsage,
-              program_ + ": unknown option '" + name + "'",
-              nearest.empty() ? "See --help" : "Did you mean --" + nearest + "? See --help");
+  Refuse(app_->get_name() + ": unknown option '" + name + "'",
+         nearest.empty() ? "See --help" : "Did you mean --" + nearest + "? See --help");
+}
+
+void Options::RefuseArgument(const std::string& argument) const {
+  if (argument.size() < 2 || argument[0] != '-')
+    Refuse(app_->get_name() + ": unexpected argument '" + argument + "'");
+  if (argument[1] != '-') {
+    Refuse(app_->get_name() + ": unknown option '" + argument + "'",
+           "Options begin with two dashes; write -- before a name that begins with one");
+  }
+  const std::string name = argument.substr(2, argument.find('=') - 2);
+  const std::string positive = name.starts_with("no-") ? name.substr(3) : name;
+  Find(positive);
+  Refuse("--" + name + ": --" + positive + " is no switch");
 }
 
 bool Options::Parse(int argc, const char* const* argv) {
-  std::vector<Option*> positional;
-  for (const auto& option : options_) {
-    if (option->positional) positional.push_back(option.get());
+  for (int i = 1; i < argc && std::string(argv[i]) != "--"; ++i) {  // what CLI11 would read differently
+    const std::string argument = argv[i], name = argument.substr(0, argument.find('='));
+    if (!name.starts_with("--") || name == argument) continue;
+    if (name + "=" == argument) Refuse(name + ": '' is no value", "Leave the option out");
+    if (name.starts_with("--no-")) Refuse(app_->get_name() + ": " + name + " takes no value");
   }
-  std::size_t n_positional = 0;
-  std::filesystem::path config;
-  bool options_ended = false;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (options_ended || argument.size() < 2 || argument[0] != '-') {
-      if (n_positional == positional.size())
-        throw Error(ExitCode::kUsage, program_ + ": unexpected argument '" + argument + "'", "See --help");
-      positional[n_positional]->Assign(argument);
-      positional[n_positional++]->origin = "flag";
-    } else if (argument == "--help" || argument == "-h") {
-      PrintHelp();
-      return false;
-    } else if (argument == "--") {
-      options_ended = true;
-    } else if (argument[1] != '-') {
-      throw Error(ExitCode::kUsage,
-                  program_ + ": unknown option '" + argument + "'",
-                  "Options begin with two dashes; write -- before a name that begins with one");
-    } else {
-      i += ParseFlag(argument.substr(2), i + 1 < argc ? argv[i + 1] : nullptr, &config);
-    }
+  try {
+    app_->parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    std::fputs(app_->help().c_str(), stdout);
+    return false;
+  } catch (const CLI::RequiredError& error) {  // "INPUT is required"
+    const std::string text = error.what();
+    Refuse(app_->get_name() + ": " + text.substr(0, text.find(' ')) + " is missing");
+  } catch (const CLI::ArgumentMismatch& error) {  // "--steps: 1 required TEXT missing"
+    const std::string text = error.what();
+    Refuse(app_->get_name() + ": " + text.substr(0, text.find(':')) + " needs a value");
   }
-  if (!config.empty()) ReadConfig(config);
-  if (n_positional < positional.size() && positional[n_positional]->required) {
-    throw Error(
-        ExitCode::kUsage, program_ + ": " + positional[n_positional]->name + " is missing", "See --help");
+  for (const std::string& argument : app_->remaining()) {
+    if (argument != "--") RefuseArgument(argument);
   }
+  const CLI::Option* config = app_->get_option("--config");
+  if (config->count() > 0) ReadConfig(config->as<std::string>());
   return true;
-}
-
-int Options::ParseFlag(const std::string& flag, const char* next, std::filesystem::path* config) {
-  const std::size_t equals = flag.find('=');
-  const bool has_value = equals != std::string::npos;
-  std::string name = flag.substr(0, equals);
-  const auto value = [&]() -> std::string {
-    if (has_value) return flag.substr(equals + 1);
-    if (!next) throw Error(ExitCode::kUsage, program_ + ": --" + name + " needs a value", "See --help");
-    return next;
-  };
-  if (name == "config") {
-    *config = value();
-    return !has_value;
-  }
-  const bool exists =
-      std::any_of(options_.begin(), options_.end(), [&](const auto& option) { return option->name == name; });
-  const bool negated = !exists && name.rfind("no-", 0) == 0;
-  if (negated) name = name.substr(3);
-  Option* option = Find(name);
-  option->origin = "flag";
-  if (!std::holds_alternative<bool*>(option->field)) {
-    if (negated) throw Error(ExitCode::kUsage, program_ + ": --no-" + name + ": --" + name + " is no switch");
-    option->Assign(value());
-    return !has_value;
-  }
-  if (negated && has_value) throw Error(ExitCode::kUsage, program_ + ": --no-" + name + " takes no value");
-  option->Assign(has_value ? value() : negated ? "false" : "true");
-  return 0;
 }
 
 void Options::ReadConfig(const std::filesystem::path& path) {
   std::set<std::string> keys;
   const auto check_keys = [&](int depth, Json::parse_event_t event, Json& parsed) {
     if (event == Json::parse_event_t::key && depth == 1 && !keys.insert(parsed.get<std::string>()).second)
-      throw Error(ExitCode::kUsage, path.string() + ": \"" + parsed.get<std::string>() + "\" is given twice");
+      Refuse(path.string() + ": \"" + parsed.get<std::string>() + "\" is given twice", "");
     return true;
   };
   Json config;
   try {
     config = Json::parse(io::ReadFile(path, kMaxConfigBytes), check_keys);
   } catch (const Json::exception& error) {
-    throw Error(ExitCode::kUsage, path.string() + ": " + error.what());
+    Refuse(path.string() + ": " + error.what(), "");
   }
-  if (!config.is_object()) throw Error(ExitCode::kUsage, path.string() + ": is not a JSON object");
+  if (!config.is_object()) Refuse(path.string() + ": is not a JSON object", "");
   for (const auto& [key, value] : config.items()) {
-    Option* option = Find(key);
-    if (option->origin == "flag") continue;
-    option->AssignJson(path, value);
-    option->origin = "file";
+    Option& option = Find(key);
+    if (option.origin == "flag") continue;
+    option.AssignJson(path, value);
+    option.origin = "file";
   }
 }
 
@@ -223,10 +275,10 @@ void Options::ApplyPreset(int argc, const char* const* argv, const std::function
   Parse(argc, argv);
 }
 
-void Options::SetMeasured(const std::string& name) { Find(name)->origin = "measured"; }
+void Options::SetMeasured(const std::string& name) { Find(name).origin = "measured"; }
 
 bool Options::IsSetByUser(const std::string& name) const {
-  const std::string& origin = Find(name)->origin;
+  const std::string& origin = Find(name).origin;
   return origin == "flag" || origin == "file";
 }
 
@@ -238,72 +290,41 @@ std::vector<std::string> Options::NamesSetByUser() const {
   return names;
 }
 
-std::string Options::ValueText(const std::string& name) const {
-  const Option& option = *Find(name);
-  const Json value = option.Value();
-  if (const auto* d = std::get_if<double*>(&option.field)) {
-    char text[32];  // the shortest that reads back the same: at most 24 characters
-    return std::string(text, std::to_chars(text, text + sizeof text, **d).ptr);
-  }
-  return value.is_string() ? value.get<std::string>() : value.dump();
-}
+std::string Options::ValueText(const std::string& name) const { return Find(name).ValueText(); }
 
-std::string Options::ResolvedJson() const {
+Json Options::ResolvedJson() const {
   Json json = Json::object();
   for (const auto& option : options_)
     json[option->name] = {{"value", option->Value()}, {"origin", option->origin}};
-  return Dump(json);
+  return json;
 }
 
 std::string Options::KeyText() const {
   Json json = Json::object();
   for (const auto& option : options_) {
-    if (option->affects_result) json[option->name] = option->Value();
+    if (option->rule.affects_result) json[option->name] = option->Value();
   }
   return Dump(json);
 }
 
-void Options::PrintHelp() const {
-  std::string usage = "usage: " + program_;
-  for (const auto& option : options_) {
-    if (option->positional) usage += option->required ? " " + option->name : " [" + option->name + "]";
-  }
-  std::printf("%s [options]\n\n%s\n\n", usage.c_str(), description_.c_str());
-  for (const auto& option : options_) {
-    const std::string left = option->positional ? option->name : "--" + option->name;
-    const std::string value = Dump(option->Value());
-    const bool show = !option->positional && value != "\"\"";
-    std::printf(
-        "  %-22s %s%s\n", left.c_str(), option->help.c_str(), show ? (" [" + value + "]").c_str() : "");
-  }
-  std::printf("  %-22s %s\n", "--config", "JSON file with option values; flags win");
-}
-
 double ParseDuration(const std::string& option_name, const std::string& text) {
-  double number = 0;
-  const char* const last = text.data() + text.size();
-  const auto [end, error] = std::from_chars(text.data(), last, number);
-  const std::string unit(end, last);
+  const auto parts = SplitUnit(text);
+  const std::string unit = parts ? parts->second : "?";
   const double unit_s = unit.empty() || unit == "s" ? 1 : unit == "m" ? 60 : unit == "h" ? 3600 : 0;
-  if (error != std::errc() || unit_s == 0 || !std::isfinite(number) || number < 0) {
-    throw Error(ExitCode::kUsage,
-                "--" + option_name + ": '" + text + "' is not a duration",
-                "Write for example 90s, 5m or 1.5h");
+  const double seconds = unit_s > 0 ? parts->first * unit_s : 0;
+  if (!(seconds > 0 && seconds <= kMaxDuration_s)) {
+    Refuse("--" + option_name + ": '" + text + "' is not a duration of up to 30 days",
+           "Write for example 90s, 5m or 1.5h");
   }
-  return number * unit_s;
+  return seconds;
 }
 
 double ParseDecibels(const std::string& option_name, const std::string& text) {
-  double number = 0;
-  const char* const last = text.data() + text.size();
-  const auto [end, error] = std::from_chars(text.data(), last, number);
-  const std::string unit(end, last);
-  if (error != std::errc() || (!unit.empty() && unit != "dB") || !(number > 0 && number < 100)) {
-    throw Error(ExitCode::kUsage,
-                "--" + option_name + ": '" + text + "' is not a number of decibels",
-                "Write for example 30dB");
-  }
-  return number;
+  const auto parts = SplitUnit(text);
+  const bool has_unit = parts && (parts->second.empty() || parts->second == "dB");
+  if (!has_unit || !(parts->first > 0 && parts->first < 100))
+    Refuse("--" + option_name + ": '" + text + "' is not a number of decibels", "Write for example 30dB");
+  return parts->first;
 }
 
 std::string NearestName(const std::string& name, const std::vector<std::string>& candidates) {

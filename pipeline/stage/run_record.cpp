@@ -27,7 +27,7 @@ Json ReadRecord(const fs::path& run_folder) {
 void WriteRecord(const fs::path& run_folder, Json record) {
   char host[256] = "";
   gethostname(host, sizeof host - 1);
-  record["versions"] = Json::parse(VersionsJson());
+  record["versions"] = VersionsJson();
   record["host"] = {{"name", host}, {"cores", std::thread::hardware_concurrency()}};
   io::WriteFileAtomically(run_folder / "run.json",
                           record.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
@@ -35,31 +35,31 @@ void WriteRecord(const fs::path& run_folder, Json record) {
 
 }  // namespace
 
-void RecordStage(const fs::path& run_folder, const std::string& stage_name, const std::string& entry_json) {
+void RecordStage(const fs::path& run_folder, const std::string& stage_name, const Json& entry) {
   Json record = ReadRecord(run_folder);
   if (!record["stages"].is_object()) record["stages"] = Json::object();
-  record["stages"][stage_name] = Json::parse(entry_json);
+  record["stages"][stage_name] = entry;
   WriteRecord(run_folder, std::move(record));
 }
 
-std::string ReadStageEntry(const fs::path& run_folder, const std::string& stage_name) {
+Json ReadStageEntry(const fs::path& run_folder, const std::string& stage_name) {
   const Json record = ReadRecord(run_folder);
   const auto stages = record.find("stages");
-  if (stages == record.end() || !stages->is_object() || !stages->contains(stage_name)) return "";
-  return stages->at(stage_name).dump();
+  if (stages == record.end() || !stages->is_object() || !stages->contains(stage_name)) return nullptr;
+  return stages->at(stage_name);
 }
 
-void RecordRun(const fs::path& run_folder, const std::string& members_json) {
+void RecordRun(const fs::path& run_folder, const Json& members) {
   const FolderLock lock(run_folder, "stage");
   Json record = ReadRecord(run_folder);
-  record.update(Json::parse(members_json));
+  record.update(members);
   WriteRecord(run_folder, std::move(record));
 }
 
-std::string ReadStageRecord(const fs::path& run_folder, const std::string& stage_name) {
+Json ReadStageRecord(const fs::path& run_folder, const std::string& stage_name) {
   const std::string folder = FindStage(stage_name).folder;
   const fs::path path = run_folder / folder / (folder + ".json");
-  return fs::is_regular_file(path) ? io::ReadFile(path) : "";
+  return fs::is_regular_file(path) ? Json::parse(io::ReadFile(path), nullptr, false) : Json();
 }
 
 }  // namespace pipeline

@@ -3,23 +3,26 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 namespace pipeline {
 
-// Replaces the entry of `stage_name` by the JSON object `entry_json`; creates run.json when absent. Called
-// while the stage lock of the folder is held.
+// Replaces the entry of `stage_name` by an object; creates run.json when absent. Called while the stage lock
+// of the folder is held.
 void RecordStage(const std::filesystem::path& run_folder,
                  const std::string& stage_name,
-                 const std::string& entry_json);
+                 const nlohmann::ordered_json& entry);
 
-// The entry of `stage_name` as JSON text; empty when absent.
-std::string ReadStageEntry(const std::filesystem::path& run_folder, const std::string& stage_name);
+// The entry of `stage_name`; null when absent.
+nlohmann::ordered_json ReadStageEntry(const std::filesystem::path& run_folder, const std::string& stage_name);
 
-// Merges the members of the JSON object `members_json` into run.json. Takes the stage lock meanwhile.
-void RecordRun(const std::filesystem::path& run_folder, const std::string& members_json);
+// Merges the members of an object into run.json. Takes the stage lock meanwhile.
+void RecordRun(const std::filesystem::path& run_folder, const nlohmann::ordered_json& members);
 
-// The record of a finished stage, <run>/<folder>/<folder>.json as JSON text; empty when absent.
-std::string ReadStageRecord(const std::filesystem::path& run_folder, const std::string& stage_name);
+// The record of a finished stage, the object in <run>/<folder>/<folder>.json; null when absent, discarded (no
+// object either) when it is not JSON.
+nlohmann::ordered_json ReadStageRecord(const std::filesystem::path& run_folder,
+                                       const std::string& stage_name);
 
 }  // namespace pipeline

@@ -26,9 +26,7 @@ using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 // File names need not be UTF-8; JSON must be.
-std::string Dump(const Json& json, int indent = -1) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
-}
+std::string Dump(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace); }
 
 // Path -> content hash of every regular file below `path` (or of the file itself), except below `skipped`.
 void HashTree(const fs::path& path, const fs::path& skipped, std::map<std::string, std::string>* hashes) {
@@ -55,12 +53,12 @@ bool OutputsIntact(const fs::path& folder, const Json& record) {
 }
 
 // What run.json keeps of a stage's record: the figures, not the lists.
-std::string Summary(const Json& record, const std::string& status) {
+Json Summary(const Json& record, const std::string& status) {
   Json line = {{"status", status}};
   for (const auto& [key, value] : record.items()) {
     if (key != "stage" && key != "status" && (value.is_number() || value.is_string())) line[key] = value;
   }
-  return Dump(line);
+  return line;
 }
 
 }  // namespace
@@ -70,7 +68,7 @@ StageRun::StageRun(const std::string& stage_name,
                    const Options& options,
                    const std::vector<fs::path>& inputs,
                    bool keep_partial)
-    : stage_name_(stage_name), options_(options) {
+    : stage_name_(stage_name), options_(options), figures_(std::make_unique<Json>(Json::object())) {
   if (common.out.empty()) throw Error(ExitCode::kUsage, "pipeline " + stage_name + ": --out DIR is missing");
   run_folder_ = fs::absolute(common.out).lexically_normal();
   if (!run_folder_.has_filename()) run_folder_ = run_folder_.parent_path();  // "run/" is "run"
@@ -89,22 +87,22 @@ StageRun::StageRun(const std::string& stage_name,
   io::RequireOwnedFolder(final_);  // now, not after the work
 
   for (const fs::path& input : inputs) HashTree(input, run_folder_, &input_hashes_);
-  Json versions = Json::parse(VersionsJson());
+  Json versions = VersionsJson();
   versions.erase("commit");  // says where results came from; whether they changed, the version says
   std::string key_text = stage_name + "\n" + versions.dump() + "\n" + options.KeyText();
   for (const auto& [path, hash] : input_hashes_)
     key_text += "\n" + fs::path(path).lexically_relative(run_folder_).string() + " " + hash;
   key_ = io::HashBytes(key_text);
 
-  const Json record = Json::parse(ReadStageRecord(run_folder_, stage_name), nullptr, false);
+  const Json record = ReadStageRecord(run_folder_, stage_name);
   up_to_date_ = !common.force && record.is_object() && record.contains("key") && record["key"] == key_ &&
                 OutputsIntact(final_, record);
   if (up_to_date_) {
-    Record("done", record.dump());
+    Record("done", record);
     std::fprintf(stderr, "%s: up to date\n", stage_name.c_str());
   } else {
     OpenPartial(keep_partial && !common.force);
-    Record("running", "{}");
+    Record("running", Json::object());
   }
 }
 
@@ -129,14 +127,14 @@ void StageRun::OpenPartial(bool keep_partial) {
 StageRun::~StageRun() {
   if (up_to_date_ || finished_) return;
   try {
-    Record(io::PendingInterrupt() ? "interrupted" : "failed", "{}");
+    Record(io::PendingInterrupt() ? "interrupted" : "failed", Json::object());
   } catch (const std::exception&) {  // the error that brought us here is the one to report
   }
 }
 
 // run.json is rewritten only when the entry changes.
-void StageRun::Record(const std::string& status, const std::string& record_json) {
-  const std::string entry = Summary(Json::parse(record_json), status);
+void StageRun::Record(const std::string& status, const Json& record) {
+  const Json entry = Summary(record, status);
   if (ReadStageEntry(run_folder_, stage_name_) != entry) RecordStage(run_folder_, stage_name_, entry);
 }
 
@@ -147,12 +145,10 @@ void StageRun::Decide(const std::string& line) {
 
 void StageRun::Set(const std::string& key, double value) {
   PIPELINE_CHECK(std::isfinite(value));  // JSON would say null
-  SetJson(key, Dump(value));
+  (*figures_)[key] = value;
 }
-void StageRun::Set(const std::string& key, const std::string& value) { SetJson(key, Dump(value)); }
-void StageRun::SetJson(const std::string& key, const std::string& json_text) {
-  figures_.emplace_back(key, json_text);
-}
+void StageRun::Set(const std::string& key, const std::string& value) { (*figures_)[key] = value; }
+void StageRun::SetJson(const std::string& key, const Json& value) { (*figures_)[key] = value; }
 
 void StageRun::AddChildUse(double cpu_s, std::size_t peak_rss_bytes) {
   child_cpu_s_ += cpu_s;
@@ -170,10 +166,10 @@ void StageRun::Finish() {
   record["wall_s"] = wall_s;
   record["cpu_s"] = io::ProcessCpuSeconds() + child_cpu_s_;
   record["peak_rss_bytes"] = std::max(io::PeakRssBytes(), child_peak_rss_bytes_);
-  record["options"] = Json::parse(options_.ResolvedJson());
-  record["versions"] = Json::parse(VersionsJson());
+  record["options"] = options_.ResolvedJson();
+  record["versions"] = VersionsJson();
   record["decisions"] = decisions_;
-  for (const auto& [key, text] : figures_) record[key] = Json::parse(text);
+  record.update(*figures_);
   record["key"] = key_;
   record["inputs"] = Json::object();
   for (const auto& [path, hash] : input_hashes_)
@@ -182,11 +178,11 @@ void StageRun::Finish() {
   for (const auto& [path, hash] : output_hashes)
     record["outputs"][fs::path(path).lexically_relative(partial_).string()] = hash;
 
-  io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), Dump(record, 1) + "\n");
+  io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), Dump(record) + "\n");
   io::ReplaceFolder(partial_, final_);
   finished_ = true;
   fs::remove(key_file_);
-  Record("done", Dump(record));
+  Record("done", record);
   std::fprintf(stderr, "%s: done in %s\n", stage_name_.c_str(), io::FormatDuration(wall_s).c_str());
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -37,7 +38,7 @@ class StageRun {
   void Decide(const std::string& line);
   void Set(const std::string& key, double value);  // finite
   void Set(const std::string& key, const std::string& value);
-  void SetJson(const std::string& key, const std::string& json_text);
+  void SetJson(const std::string& key, const nlohmann::ordered_json& value);
   // Resource use of external programs, added to our own.
   void AddChildUse(double cpu_s, std::size_t peak_rss_bytes);
 
@@ -46,7 +47,7 @@ class StageRun {
 
  private:
   void OpenPartial(bool keep_partial);
-  void Record(const std::string& status, const std::string& record_json);
+  void Record(const std::string& status, const nlohmann::ordered_json& record);
 
   std::string stage_name_, key_;
   const Options& options_;
@@ -54,7 +55,7 @@ class StageRun {
   std::unique_ptr<FolderLock> lock_;
   std::map<std::string, std::string> input_hashes_;
   std::vector<std::string> decisions_;
-  std::vector<std::pair<std::string, std::string>> figures_;  // key, JSON text
+  std::unique_ptr<nlohmann::ordered_json> figures_;  // an object of what was set
   io::Stopwatch stopwatch_;
   double child_cpu_s_ = 0;
   std::size_t child_peak_rss_bytes_ = 0;

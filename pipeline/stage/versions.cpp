@@ -4,12 +4,11 @@
 
 namespace pipeline {
 
-std::string VersionsJson() {
-  return nlohmann::ordered_json{{"pipeline", PIPELINE_VERSION},
-                                {"commit", PIPELINE_COMMIT},
-                                {"compiler", "g++ " __VERSION__},
-                                {"opencv", OPENCV_VERSION}}
-      .dump();
+nlohmann::ordered_json VersionsJson() {
+  return {{"pipeline", PIPELINE_VERSION},
+          {"commit", PIPELINE_COMMIT},
+          {"compiler", "g++ " __VERSION__},
+          {"opencv", OPENCV_VERSION}};
 }
 
 }  // namespace pipeline

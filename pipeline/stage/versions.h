@@ -1,11 +1,11 @@
 // Which code made a result.
 #pragma once
 
-#include <string>
+#include <nlohmann/json_fwd.hpp>
 
 namespace pipeline {
 
-// Code version, compiler and library versions as JSON text.
-std::string VersionsJson();
+// {"pipeline": ..., "commit": ..., "compiler": ..., "opencv": ...}
+nlohmann::ordered_json VersionsJson();
 
 }  // namespace pipeline

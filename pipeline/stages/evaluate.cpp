@@ -2,7 +2,6 @@
 
 #include <cstdio>
 
-#include "io/base/error.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
@@ -10,6 +9,7 @@
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/scene_record.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 
@@ -36,16 +36,15 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
-  const std::string line =
-      fmt::format("{} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB",
-                  scores.views.size(),
-                  scores.protocol,
-                  scores.psnr_db,
-                  scores.ssim,
-                  scores.flip,
-                  worst.name,
-                  worst.psnr_db);
-  std::printf("evaluate: %s\n", line.c_str());
+  std::printf("%s", fmt::format(
+      "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
+      scores.views.size(),
+      scores.protocol,
+      scores.psnr_db,
+      scores.ssim,
+      scores.flip,
+      worst.name,
+      worst.psnr_db).c_str());
   if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", scores.protocol);
@@ -67,11 +66,8 @@ int RunEvaluate(int argc, const char* const* argv) {
         "Scores the trained field on the held-out views: PSNR, SSIM and FLIP per picture, and strips\n"
         "truth | render | error, worst first.");
     AddCommonOptions(&bound, &common);
-    bound.Add("every", &options.every, "score every n-th held-out view only, for slow fields; 1 = all");
-    bound.Add("max-strips", &options.max_strips, "comparison strips to write, worst views first");
+    AddEvaluateOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
-    if (options.max_strips < 0) throw io::Error(io::ExitCode::kUsage, "--max-strips: must not be negative");
-    if (options.every < 1) throw io::Error(io::ExitCode::kUsage, "--every: must be positive");
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("evaluate", argc, argv);
     Evaluate(common, options, bound);

@@ -11,6 +11,7 @@
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
+#include "io/base/quoting.h"
 #include "io/image/colour_map.h"
 #include "io/image/mask.h"
 #include "nerf/metrics/flip.h"

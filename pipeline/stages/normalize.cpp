@@ -25,6 +25,7 @@
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/pose_source.h"
 #include "pipeline/stages/scene_record.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/scene/undistort.h"
 
@@ -33,19 +34,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct NormalizeOptions {
-  CommonOptions common;
-  fs::path poses, images;
-  int image_size = 512;
-  int holdout_every = 8;
-};
-
 // All NeRF-synthetic objects lie within 1.5 of the origin, on all three axes.
 constexpr double kBlenderHalfSide = 1.5;
 constexpr std::size_t kMaxNamed = 5;  // missing pictures named on the terminal; scene.json lists them all
 
 // Frames in natural order of their names, with a split each.
-void SplitFrames(const NormalizeOptions& options, PoseSource* source, StageRun* stage) {
+void SplitFrames(int holdout_every, PoseSource* source, StageRun* stage) {
   const std::vector<io::Frame> frames = source->scene.frames;
   const std::vector<std::string> given = source->splits;
   std::vector<std::size_t> order(frames.size());
@@ -55,16 +49,16 @@ void SplitFrames(const NormalizeOptions& options, PoseSource* source, StageRun* 
   });
   source->splits.resize(frames.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
-    const bool is_held_out = i % static_cast<std::size_t>(options.holdout_every) == 0;
+    const bool is_held_out = i % static_cast<std::size_t>(holdout_every) == 0;
     source->scene.frames[i] = frames[order[i]];
     source->splits[i] = !given.empty() ? given[order[i]] : is_held_out ? "test" : "train";
   }
   // Observers are indices into the old order; nothing reads them from here on.
   for (io::Point3D& point : source->scene.points) point.frame_indices.clear();
-  stage->Decide(given.empty()
-                    ? fmt::format("split: every {}th picture in natural order is held out for testing",
-                                  options.holdout_every)
-                    : "split: kept as given");
+  stage->Decide(
+      given.empty()
+          ? fmt::format("split: every {}th picture in natural order is held out for testing", holdout_every)
+          : "split: kept as given");
 }
 
 // Equal pictures in train and test make every score worthless.
@@ -217,12 +211,12 @@ void DecideAboutInput(const PoseSource& source, StageRun* stage) {
   stage->Decide(line + (source.missing_images.size() > kMaxNamed ? " ..." : ""));
 }
 
-void Normalize(const NormalizeOptions& options, const Options& flags) {
-  PoseSource source = options.poses.empty() ? ReadSfmPoses(fs::absolute(options.common.out) / "sfm")
+void Normalize(const CommonOptions& common, const NormalizeFlags& options, const Options& flags) {
+  PoseSource source = options.poses.empty() ? ReadSfmPoses(fs::absolute(common.out) / "sfm")
                                             : ReadPoses(options.poses, options.images);
-  StageRun stage("normalize", options.common, flags, source.files);
+  StageRun stage("normalize", common, flags, source.files);
   if (stage.IsUpToDate()) return;
-  const int threads = ResolvedThreads(options.common);
+  const int threads = ResolvedThreads(common);
   DecideAboutInput(source, &stage);
   const std::optional<sfm::NormalizeReport> report = PlaceScene(&source, &stage);
 
@@ -231,7 +225,7 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
                                         source.scene.cameras.end(),
                                         [](const io::Camera& camera) { return camera.HasDistortion(); });
   const bool is_split_given = !source.splits.empty();
-  SplitFrames(options, &source, &stage);
+  SplitFrames(options.holdout_every, &source, &stage);
   WarnOfLeakage(source, &stage);
   const std::vector<fs::path> names = PictureNames(source, is_split_given);
   if (is_distorted) {
@@ -263,23 +257,16 @@ void Normalize(const NormalizeOptions& options, const Options& flags) {
 
 int RunNormalize(int argc, const char* const* argv) {
   return GuardedMain("pipeline normalize", [&] {
-    NormalizeOptions options;
+    CommonOptions common;
+    NormalizeFlags options;
     Options flags(
         "pipeline normalize",
         "Moves and scales the posed pictures to near 2, far 6, and splits them into train and test.");
-    AddCommonOptions(&flags, &options.common);
-    flags.Add("poses", &options.poses, "transforms.json, its folder, or a COLMAP model; empty = OUT/sfm");
-    flags.Add("images", &options.images, "pictures of a COLMAP model; empty = searched beside it");
-    flags.Add("image-size", &options.image_size, "longest side for training, pixels; 0 = keep");
-    flags.Add("holdout-every", &options.holdout_every, "every n-th picture is a test view");
+    AddCommonOptions(&flags, &common);
+    AddNormalizeOptions(&flags, &options);
     if (!flags.Parse(argc, argv)) return;
-    if (options.common.out.empty())
-      throw io::Error(io::ExitCode::kUsage, "pipeline normalize: --out DIR is missing");
-    if (options.image_size < 0)
-      throw io::Error(io::ExitCode::kUsage, "--image-size: must be 0 (keep) or a number of pixels");
-    if (options.holdout_every < 2)
-      throw io::Error(io::ExitCode::kUsage, "--holdout-every: must be 2 or more");
-    Normalize(options, flags);
+    if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline normalize: --out DIR is missing");
+    Normalize(common, options, flags);
   });
 }
 

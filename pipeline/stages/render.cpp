@@ -1,22 +1,17 @@
 #include <cstdio>
 
-#include "io/base/error.h"
 #include "io/scene/transforms.h"
-#include "nerf/data/dataset.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/film.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {
 namespace {
-
-// Limits against typing errors: an hour of film, 8K.
-constexpr int kMaxFrames = 216000, kMaxWidth = 7680;
-constexpr double kMaxFps = 240;
 
 void Render(const CommonOptions& common, const FilmOptions& options, const Options& bound) {
   const std::filesystem::path transforms = common.out / "scene/transforms_train.json";
@@ -50,22 +45,8 @@ int RunRender(int argc, const char* const* argv) {
     FilmOptions options;
     Options bound("pipeline render", "Renders the novel-view film along an orbit fitted to the cameras.");
     AddCommonOptions(&bound, &common);
-    bound.Add("frames", &options.frames, "frames of the film");
-    bound.Add("fps", &options.fps, "frames per second of the film");
-    bound.Add("size", &options.width, "width in pixels; 0 = that of the training pictures");
-    bound.Add("depth", &options.depth, "also write depth.mp4");
-    bound.Add("pixel-rays",
-              &options.pixel_rays,
-              "rays per pixel: 1, 4, 9 or 16; 0 = as in training; fewer are faster, and jagged");
+    AddRenderOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
-    const auto require = [](bool holds, const char* text) {
-      if (!holds) throw io::Error(io::ExitCode::kUsage, text);
-    };
-    require(options.frames >= 2 && options.frames <= kMaxFrames, "--frames: must lie in 2 to 216000");
-    require(options.fps >= 1 && options.fps <= kMaxFps, "--fps: must lie in 1 to 240");
-    require(options.width >= 0 && options.width <= kMaxWidth, "--size: must lie in 0 to 7680");
-    require(options.pixel_rays == 0 || nerf::IsSamplesPerPixel(options.pixel_rays),
-            "--pixel-rays: must be 0, 1, 4, 9 or 16");
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);
     Render(common, options, bound);

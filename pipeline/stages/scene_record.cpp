@@ -31,9 +31,9 @@ void WriteSceneRecord(const SceneRecord& record,
     coverage_near = *report->coverage_near;
     depth_range = {report->depth_min, report->depth_max};
   }
-  stage->SetJson("coverage", coverage.dump());
-  stage->SetJson("coverage_near", coverage_near.dump());
-  stage->SetJson("depth_range", depth_range.dump());
+  stage->SetJson("coverage", coverage);
+  stage->SetJson("coverage_near", coverage_near);
+  stage->SetJson("depth_range", depth_range);
   if (record.masks > 0) {
     stage->Set("masks", record.masks);
     stage->Set("used_share", record.used_share);
@@ -41,9 +41,9 @@ void WriteSceneRecord(const SceneRecord& record,
   const io::Scene& scene = source.scene;
   stage->Set("near", scene.near);
   stage->Set("far", scene.far);
-  stage->SetJson("aabb", Json({ToJson(scene.aabb.min), ToJson(scene.aabb.max)}).dump());
-  stage->SetJson("unbounded", scene.unbounded ? "true" : "false");
-  stage->SetJson("scene_from_sfm", ToJson(scene.scene_from_sfm).dump());
+  stage->SetJson("aabb", {ToJson(scene.aabb.min), ToJson(scene.aabb.max)});
+  stage->SetJson("unbounded", scene.unbounded);
+  stage->SetJson("scene_from_sfm", ToJson(scene.scene_from_sfm));
   stage->Set("protocol", record.protocol);
   stage->Set("frames", static_cast<double>(scene.frames.size()));
   stage->Set("points", static_cast<double>(scene.points.size()));
@@ -51,8 +51,8 @@ void WriteSceneRecord(const SceneRecord& record,
   for (std::size_t i = 0; i < source.splits.size(); ++i) {
     if (source.splits[i] == "test") held_out.push_back(scene.frames[i].image_path.filename().string());
   }
-  stage->SetJson("held_out", held_out.dump());
-  stage->SetJson("missing_images", Json(source.missing_images).dump());
+  stage->SetJson("held_out", held_out);
+  stage->SetJson("missing_images", Json(source.missing_images));
 }
 
 SceneRecord ReadSceneRecord(const fs::path& run_folder) {

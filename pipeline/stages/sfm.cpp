@@ -12,6 +12,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/reconstruction.h"
 #include "sfm/scene/undistort.h"
@@ -62,9 +63,9 @@ void WriteOutputs(const sfm::Reconstruction& result,
 
 void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, StageRun* stage) {
   const io::ColmapModel& model = result.model;
-  stage->SetJson("images", std::to_string(n_pictures));
-  stage->SetJson("registered", std::to_string(model.scene.frames.size()));
-  stage->SetJson("points", std::to_string(model.scene.points.size()));
+  stage->SetJson("images", n_pictures);
+  stage->SetJson("registered", model.scene.frames.size());
+  stage->SetJson("points", model.scene.points.size());
   stage->Set("mean_reprojection_error_px", model.mean_reprojection_error_px);
   stage->Set("mean_track_length", model.mean_track_length);
   stage->Set("triangulation_angle_deg", result.triangulation_angle_deg);
@@ -82,7 +83,7 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                        {"p1", c.p1},
                        {"p2", c.p2}});
   }
-  stage->SetJson("cameras", cameras.dump());  // as estimated, before undistortion
+  stage->SetJson("cameras", cameras);  // as estimated, before undistortion
   Json poses = Json::array();
   for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
     const sfm::PoseUncertainty& pose = result.uncertainty.poses[i];
@@ -90,22 +91,21 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
                      {"rotation_sigma_deg", pose.rotation_deg},
                      {"centre_sigma_share", pose.centre}});
   }
-  stage->SetJson("poses", poses.dump());
+  stage->SetJson("poses", poses);
   const sfm::ReconstructionTimes& times = result.times;
   stage->SetJson("wall_s_of",
                  Json{{"features", times.features_s},
                       {"matching", times.matching_s},
                       {"verifying", times.verifying_s},
                       {"mapping", times.mapping_s},
-                      {"adjusting", times.adjusting_s}}
-                     .dump());
+                      {"adjusting", times.adjusting_s}});
   Json unregistered = Json::array();
   for (const sfm::Unregistered& picture : result.unregistered) {
     const std::string cause = picture.refusal.Summary();
     unregistered.push_back({{"name", picture.name}, {"cause", cause}});
     std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), cause.c_str());
   }
-  stage->SetJson("unregistered", unregistered.dump());
+  stage->SetJson("unregistered", unregistered);
   const std::string line = fmt::format(
       "{} of {} pictures registered, {} points, {:.2f} px mean error, median angle {:.1f} degrees",
       model.scene.frames.size(),
@@ -127,20 +127,7 @@ int RunSfm(int argc, const char* const* argv) {
         "Finds where each picture of DIR/ingest was taken (own matching, COLMAP, final adjustment) "
         "and undistorts it.");
     AddCommonOptions(&options, &common);
-    options.Add("features", &settings.features, "SIFT features per picture");
-    options.Add("detect-size",
-                &settings.max_image_size,
-                "longer side of the picture in which features are detected [px]; 0 = full size");
-    options.Add("detector", &settings.detector, "whose SIFT: opencv or colmap");
-    options.Add(
-        "camera-model",
-        &settings.camera_model,
-        "auto (as simple as the data allow), SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
-    options.Add(
-        "matching", &settings.matching, "auto, exhaustive, likely (most alike pairs) or sequential (video)");
-    options.Add("retry-minutes",
-                &settings.retry_minutes,
-                "ceiling for further attempts with stronger settings; 0 = none");
+    AddSfmOptions(&options, &settings);
     if (!options.Parse(argc, argv)) return;
     settings.threads = ResolvedThreads(common);
 

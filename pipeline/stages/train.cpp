@@ -13,6 +13,7 @@
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/train_options.h"
+#include "pipeline/stages/train_preset.h"
 
 namespace pipeline {
 namespace {

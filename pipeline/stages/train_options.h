@@ -1,4 +1,4 @@
-// The options of `pipeline train`: flags bound to nerf::TrainOptions, presets, and their checks.
+// The options of `pipeline train`: flags bound to nerf::TrainOptions, and their ranges.
 #pragma once
 
 #include <string>
@@ -19,11 +19,7 @@ struct TrainFlags {
 
 void AddTrainOptions(Options* options, TrainFlags* flags);
 
-// Sets the values of flags.preset, then reads flags and file again, which win. Throws kUsage naming an
-// unknown preset.
-void ApplyPreset(int argc, const char* const* argv, Options* options, TrainFlags* flags);
-
-// The resolved options. Throws kUsage naming what is out of range or unknown.
+// The resolved options. Throws kUsage naming options that do not go together.
 nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags& flags);
 
 }  // namespace pipeline

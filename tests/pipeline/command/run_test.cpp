@@ -10,6 +10,7 @@
 
 #include "io/base/error.h"
 #include "io/base/process.h"
+#include "nerf/kernels/kernels.h"
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/stage_table.h"
@@ -223,6 +224,9 @@ TEST_F(FakeStages, UnusableCommandLinesFailBeforeAnyWork) {
   EXPECT_EQ(Pipeline({"run", photos, "--tiem=5m"}), 2);
   EXPECT_EQ(OutputLines("Did you mean --time?"), 1);
   EXPECT_EQ(Pipeline({"run", photos, "--time=5x"}), 2);
+  EXPECT_EQ(Pipeline({"run", photos, "--fps=0"}), 2);  // as `render` would, half an hour later
+  EXPECT_EQ(OutputLines("--fps: 0 is out of range"), 1);
+  EXPECT_EQ(Pipeline({"run", photos, "--target=30dB", "--steps=5"}), 2);
   EXPECT_EQ(Pipeline({"run", (dir_ / "none").string()}), 3);
   EXPECT_EQ(OutputLines("none: no such file or folder"), 1);
   EXPECT_EQ(Pipeline({"run", photos, "--out", (dir_ / "file").string()}), 2);
@@ -243,6 +247,13 @@ TEST_F(FakeStages, CommandStartsStagesAndExplainsItself) {
   EXPECT_TRUE(Json::parse(Output()).contains("pipeline"));
   EXPECT_EQ(Pipeline({}), 2);
   EXPECT_EQ(Pipeline({"run", "--help"}), 0);
+  // The stages' own help and defaults.
+  for (const char* part : {"frames of the film (render); at least 2, at most 216000 [120]",
+                           "(train) [\"3m\"]",
+                           "SIFT features per picture (sfm); at least 100, at most 16384 [4096]",
+                           "(normalize); at least 0 [512]",
+                           "(ingest); at least 3 [120]"})
+    EXPECT_EQ(OutputLines(part), 1) << part << Output();
   EXPECT_EQ(Pipeline({"--help"}), 0);
   for (const pipeline::StageEntry& stage : pipeline::StageTable())
     EXPECT_GE(OutputLines(stage.help), 1) << stage.name;
@@ -254,6 +265,15 @@ TEST_F(FakeStages, DoctorNamesWhatIsHereAndWhatIsMissing) {
   EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
   for (const char* part : {"CPU ", "SIMD ", "memory ", "disk ", "GFLOP/s", "COLMAP ", "ffmpeg "})
     EXPECT_EQ(OutputLines(part), 1) << part;
+  // The kernels that run, not those that the processor could run.
+  setenv("PIPELINE_SIMD", "portable", 1);
+  EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
+  EXPECT_EQ(OutputLines("SIMD     portable kernels (PIPELINE_SIMD is set), bfloat16 widened"), 1) << Output();
+  Pipeline({"run", (dir_ / "photos").string()});
+  EXPECT_EQ(OutputLines("; portable; "), 1) << Output();
+  unsetenv("PIPELINE_SIMD");
+  EXPECT_EQ(Pipeline({"doctor"}), 0);
+  EXPECT_EQ(OutputLines("SIMD     " + std::string(nerf::kernels::ActiveKernels().name) + " kernels, "), 1);
   const std::string path = std::getenv("PATH");
   setenv("PATH", dir_.path().c_str(), 1);
   EXPECT_EQ(Pipeline({"doctor"}), 5);

@@ -30,11 +30,11 @@ struct Parsed {
     options.Add("seed", &fields.seed, "a seed");
     options.Add("rate", &fields.rate, "a rate");
     options.Add("name", &fields.name, "a text");
-    options.Add("out", &fields.out, "a folder", false);
+    options.Add("out", &fields.out, "a folder", {.affects_result = false});
     arguments.insert(arguments.begin(), "pipeline test");
     wants_run = options.Parse(static_cast<int>(arguments.size()), arguments.data());
   }
-  nlohmann::json Resolved() const { return nlohmann::json::parse(options.ResolvedJson()); }
+  nlohmann::json Resolved() const { return options.ResolvedJson(); }
 
   Fields fields;
   Options options{"pipeline test", "Tests."};
@@ -144,10 +144,11 @@ TEST(Options, KeyHoldsExactlyWhatAffectsTheResult) {
   EXPECT_NE(Parsed({"--no-white"}).options.KeyText(), base);
 }
 
-TEST(Options, NamesThatAreNotUtf8AreWrittenBackAsValidJson) {
+TEST(Options, NamesThatAreNotUtf8AreKept) {
   const Parsed parsed({"--out", "caf\xe9"});
   EXPECT_EQ(parsed.fields.out, "caf\xe9");
-  EXPECT_TRUE(parsed.Resolved().is_object());
+  EXPECT_EQ(parsed.Resolved()["out"]["value"], "caf\xe9");
+  EXPECT_TRUE(nlohmann::json::accept(parsed.options.KeyText()));
 }
 
 TEST(Options, HelpListsEveryOptionWithItsDefault) {
@@ -159,6 +160,122 @@ TEST(Options, HelpListsEveryOptionWithItsDefault) {
   for (const char* part :
        {"--depth", "a switch [false]", "--steps", "[100]", "[0.01]", "[\"hash\"]", "--config"})
     EXPECT_NE(help.find(part), std::string::npos) << part;
+}
+
+TEST(Options, EmptyValuesAreRefused) {
+  for (const char* option : {"name", "out", "steps", "rate", "depth", "config"}) {
+    const std::string bare = "--" + std::string(option), flag = bare + "=";
+    // What follows is not taken for the value.
+    EXPECT_ERROR(Parsed({flag.c_str(), "3"}), ExitCode::kUsage, bare + ": '' is no value");
+  }
+  EXPECT_ERROR(Parsed({"--name", ""}), ExitCode::kUsage, "--name: '' is no value");
+  EXPECT_ERROR(Parsed({""}), ExitCode::kUsage, "INPUT: '' is no value");
+  const TempDir dir;
+  const std::string path = (dir / "c.json").string();
+  WriteText(path, R"({"name": ""})");
+  EXPECT_ERROR(Parsed({"--config", path.c_str()}), ExitCode::kUsage, "--name: '' is no value");
+}
+
+TEST(Options, TheLastOfRepeatedFlagsCounts) {
+  EXPECT_EQ(Parsed({"--steps=3", "--steps", "4"}).fields.steps, 4);
+  EXPECT_TRUE(Parsed({"--no-depth", "--depth"}).fields.depth);
+  EXPECT_FALSE(Parsed({"--depth", "--no-depth"}).fields.depth);
+  EXPECT_FALSE(Parsed({"--depth", "--depth=false"}).fields.depth);
+}
+
+// Options with a rule each, and all that Parse wrote into them.
+struct Ruled {
+  explicit Ruled(std::vector<const char*> arguments) : options("pipeline test", "Tests.") {
+    options.Add("count", &count, "a count", {.min = 2, .max = 9});
+    options.Add("share", &share, "a share", {.above = 0, .below = 1});
+    options.Add("seed", &seed, "a seed", {.max = 5});
+    options.Add("rays", &rays, "rays", {.choices = {"0", "4"}});
+    options.Add("way", &way, "a way", {.choices = {"left", "right"}});
+    options.Add("time", &time, "a time", {.check = pipeline::ParseDuration});
+    arguments.insert(arguments.begin(), "pipeline test");
+    options.Parse(static_cast<int>(arguments.size()), arguments.data());
+  }
+  int count = 3, rays = 0;
+  double share = 0.5;
+  std::uint64_t seed = 0;
+  std::string way = "left", time = "1m";
+  Options options;
+};
+
+TEST(Options, RulesAreKeptByFlagsAndByTheFile) {
+  const TempDir dir;
+  const std::string path = (dir / "c.json").string();
+  struct Case {
+    const char *option, *value;
+    bool is_allowed;
+  };
+  for (const Case& c : {Case{"count", "1", false},
+                        {"count", "2", true},
+                        {"count", "9", true},
+                        {"count", "10", false},
+                        {"share", "0", false},
+                        {"share", "1e-9", true},
+                        {"share", "0.999999", true},
+                        {"share", "1", false},
+                        {"share", "1e20", false},
+                        {"seed", "5", true},
+                        {"seed", "6", false},
+                        {"rays", "04", true},
+                        {"rays", "1", false},
+                        {"way", "right", true},
+                        {"way", "Left", false},
+                        {"time", "30m", true},
+                        {"time", "0s", false},
+                        {"time", "731h", false},
+                        {"time", "99999999999999999999", false}}) {
+    const std::string flag = "--" + std::string(c.option) + "=" + c.value;
+    const bool is_text = c.option == std::string("way") || c.option == std::string("time");
+    const std::string quote = is_text ? "\"" : "";
+    const bool is_json = c.value != std::string("04");
+    WriteText(path, "{\"" + std::string(c.option) + "\": " + quote + (is_json ? c.value : "4") + quote + "}");
+    for (const std::string& argument : {flag, "--config=" + path}) {
+      if (c.is_allowed) {
+        EXPECT_NO_THROW(Ruled({argument.c_str()})) << flag;
+      } else {
+        EXPECT_ERROR(Ruled({argument.c_str()}), ExitCode::kUsage, "--" + std::string(c.option) + ": ");
+      }
+    }
+  }
+  EXPECT_ERROR(Ruled({"--count=1"}), ExitCode::kUsage, "Allowed: at least 2, at most 9");
+  EXPECT_ERROR(Ruled({"--way=up"}), ExitCode::kUsage, "--way: 'up' is unknown. Known: left, right");
+}
+
+TEST(Options, PresetsGiveWayToFlags) {
+  Ruled ruled({"--count=4"});
+  const char* argv[] = {"pipeline test", "--count=4"};
+  ruled.options.ApplyPreset(2, argv, [&] {
+    ruled.count = 9;
+    ruled.way = "right";
+  });
+  EXPECT_EQ(ruled.count, 4);
+  EXPECT_EQ(ruled.way, "right");
+  const nlohmann::json resolved = ruled.options.ResolvedJson();
+  EXPECT_EQ(resolved["count"]["origin"], "flag");
+  EXPECT_EQ(resolved["way"], (nlohmann::json{{"value", "right"}, {"origin", "preset"}}));
+  EXPECT_EQ(resolved["share"]["origin"], "default");
+  EXPECT_FALSE(ruled.options.IsSetByUser("way"));
+}
+
+TEST(Options, OptionsOfOthersKeepFieldRuleAndHelp) {
+  Ruled ruled({});
+  Options options("pipeline other", "Tests.");
+  options.AddFrom(ruled.options, "count", "how-many", "counting");
+  const char* good[] = {"pipeline other", "--how-many=7"};
+  EXPECT_TRUE(options.Parse(2, good));
+  EXPECT_EQ(ruled.count, 7);
+  EXPECT_EQ(options.ValueText("how-many"), "7");
+  const char* bad[] = {"pipeline other", "--how-many=10"};
+  EXPECT_ERROR(options.Parse(2, bad), ExitCode::kUsage, "--how-many: 10 is out of range");
+  testing::internal::CaptureStdout();
+  const char* help[] = {"pipeline other", "--help"};
+  EXPECT_FALSE(options.Parse(2, help));
+  EXPECT_NE(testing::internal::GetCapturedStdout().find("a count (counting); at least 2, at most 9 [3]"),
+            std::string::npos);
 }
 
 TEST(Options, DurationsAndNearestNames) {

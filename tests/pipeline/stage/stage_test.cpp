@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using io::ExitCode;
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 using pipeline::CommonOptions;
 using pipeline::FolderLock;
 using pipeline::Options;
@@ -80,8 +80,8 @@ TEST(StageRun, CommitsOutputsRecordAndRunEntry) {
   EXPECT_EQ(stage.Entry()["status"], "done");
   EXPECT_EQ(stage.Entry()["kind"], "double");
   EXPECT_EQ(stage.Entry()["key"], record["key"]);
-  EXPECT_EQ(Json::parse(pipeline::ReadStageRecord(stage.run, "normalize")), record);
-  EXPECT_EQ(pipeline::ReadStageRecord(stage.run, "train"), "");
+  EXPECT_EQ(Json(pipeline::ReadStageRecord(stage.run, "normalize")), record);
+  EXPECT_TRUE(pipeline::ReadStageRecord(stage.run, "train").is_null());
 }
 
 TEST(StageRun, SkipsExactlyWhatIsStillValid) {
@@ -279,17 +279,17 @@ TEST(FolderLock, SecondOwnerIsRefusedUntilTheFirstIsGone) {
 TEST(RunRecord, MembersAndStagesAreMerged) {
   const TempDir dir;
   fs::create_directory(dir / "run");
-  pipeline::RecordRun(dir / "run", R"({"input": "a", "commands": {"sfm": "x"}})");
-  pipeline::RecordStage(dir / "run", "sfm", R"({"status": "done"})");
-  pipeline::RecordRun(dir / "run", R"({"input": "b"})");
+  pipeline::RecordRun(dir / "run", {{"input", "a"}, {"commands", {{"sfm", "x"}}}});
+  pipeline::RecordStage(dir / "run", "sfm", {{"status", "done"}});
+  pipeline::RecordRun(dir / "run", {{"input", "b"}});
   const Json record = Json::parse(ReadText(dir / "run/run.json"));
   EXPECT_EQ(record["input"], "b");
   EXPECT_EQ(record["commands"]["sfm"], "x");
   EXPECT_EQ(record["stages"]["sfm"]["status"], "done");
   EXPECT_TRUE(record["versions"].contains("pipeline"));
   EXPECT_TRUE(record["host"].contains("name"));
-  EXPECT_EQ(pipeline::ReadStageEntry(dir / "run", "sfm"), R"({"status":"done"})");
-  EXPECT_EQ(pipeline::ReadStageEntry(dir / "run", "train"), "");
+  EXPECT_EQ(pipeline::ReadStageEntry(dir / "run", "sfm"), (Json{{"status", "done"}}));
+  EXPECT_TRUE(pipeline::ReadStageEntry(dir / "run", "train").is_null());
 }
 
 TEST(GuardedMain, TurnsExceptionsIntoOneLineAndTheExitCode) {

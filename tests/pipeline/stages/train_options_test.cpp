@@ -1,10 +1,11 @@
-// pipeline/stages/train_options.h: what the flags of `pipeline train` resolve to.
+// pipeline/stages/train_options.h and train_preset.h: what the flags of `pipeline train` resolve to.
 #include "pipeline/stages/train_options.h"
 
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
 #include "nerf/kernels/kernels.h"
+#include "pipeline/stages/train_preset.h"
 
 namespace pipeline {
 namespace {
@@ -15,6 +16,7 @@ nerf::TrainOptions Resolve(std::vector<const char*> arguments) {
   Options options("pipeline train", "Tests.");
   AddTrainOptions(&options, &flags);
   EXPECT_TRUE(options.Parse(static_cast<int>(arguments.size()), arguments.data()));
+  ApplyPreset(static_cast<int>(arguments.size()), arguments.data(), &options, &flags);
   return ResolvedTrainOptions(options, flags);
 }
 
@@ -46,6 +48,29 @@ TEST(TrainOptions, UnknownPrecisionIsNamed) {
     }
   }
   EXPECT_THROW(Resolve({"--field=nerf", "--precision=bf16-table"}), io::Error);
+}
+
+TEST(TrainOptions, ThePresetIsThatOfTheReportAndFlagsWin) {
+  const nerf::TrainOptions report = nerf::ReportTrainOptions(), train = Resolve({"--preset=report"});
+  EXPECT_EQ(train.field.field, "nerf");
+  EXPECT_EQ(train.steps, report.steps);
+  EXPECT_EQ(train.field.nerf.quadrature.n_samples, report.field.nerf.quadrature.n_samples);
+  EXPECT_EQ(train.field.nerf.density, nerf::DensityActivation::kRelu);
+  EXPECT_EQ(train.field.nerf.initialisation, nerf::Initialisation::kUniform);
+  EXPECT_TRUE(train.field.nerf.scene_units);
+  EXPECT_TRUE(train.field.nerf.bf16);
+  EXPECT_EQ(Resolve({"--preset=report", "--steps=5"}).steps, 5);
+  EXPECT_EQ(Resolve({"--preset=report", "--time=1m"}).steps, 0);  // a time that was asked for
+  EXPECT_FALSE(Resolve({"--preset=report", "--precision=fp32"}).field.nerf.bf16);
+}
+
+TEST(TrainOptions, WhatDoesNotGoTogetherIsRefused) {
+  EXPECT_THROW(Resolve({"--open-end"}), io::Error);
+  EXPECT_THROW(Resolve({"--importance-samples=64"}), io::Error);
+  EXPECT_THROW(Resolve({"--encoding-space=scene"}), io::Error);
+  EXPECT_THROW(Resolve({"--no-encoding-identity", "--position-frequencies=0"}), io::Error);
+  EXPECT_THROW(Resolve({"--target=30dB", "--steps=5"}), io::Error);
+  EXPECT_THROW(Resolve({"--target=30dB", "--field=nerf"}), io::Error);
 }
 
 TEST(TrainOptions, BatchAndRateAreTheFieldsOwnUnlessGiven) {

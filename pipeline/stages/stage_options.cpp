@@ -1,0 +1,55 @@
+#include "pipeline/stages/stage_options.h"
+
+namespace pipeline {
+
+void AddSfmOptions(Options* options, sfm::ReconstructionOptions* sfm) {
+  options->Add("features", &sfm->features, "SIFT features per picture", {.min = 100, .max = 16384});
+  options->Add("detect-size",
+               &sfm->max_image_size,
+               "longer side of the picture in which features are detected [px]; 0 = full size",
+               {.min = 0});
+  options->Add("detector", &sfm->detector, "whose SIFT: opencv or colmap", {.choices = {"opencv", "colmap"}});
+  options->Add("camera-model",
+               &sfm->camera_model,
+               "auto (as simple as the data allow), SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV",
+               {.choices = {"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}});
+  options->Add("matching",
+               &sfm->matching,
+               "auto, exhaustive, likely (most alike pairs) or sequential (video)",
+               {.choices = {"auto", "exhaustive", "likely", "sequential"}});
+  options->Add("retry-minutes",
+               &sfm->retry_minutes,
+               "ceiling for further attempts with stronger settings; 0 = none",
+               {.min = 0});
+}
+
+void AddNormalizeOptions(Options* options, NormalizeFlags* normalize) {
+  options->Add(
+      "poses", &normalize->poses, "transforms.json, its folder, or a COLMAP model; if not given, OUT/sfm");
+  options->Add("images", &normalize->images, "pictures of a COLMAP model; if not given, searched beside it");
+  options->Add(
+      "image-size", &normalize->image_size, "longest side for training, pixels; 0 = keep", {.min = 0});
+  options->Add("holdout-every", &normalize->holdout_every, "every n-th picture is a test view", {.min = 2});
+}
+
+void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate) {
+  options->Add(
+      "every", &evaluate->every, "score every n-th held-out view only, for slow fields; 1 = all", {.min = 1});
+  options->Add(
+      "max-strips", &evaluate->max_strips, "comparison strips to write, worst views first", {.min = 0});
+}
+
+void AddRenderOptions(Options* options, FilmOptions* render) {
+  // Limits against typing errors: an hour of film at 60 frames per second, 8K.
+  options->Add("frames", &render->frames, "frames of the film", {.min = 2, .max = 216000});
+  options->Add("fps", &render->fps, "frames per second of the film", {.min = 1, .max = 240});
+  options->Add(
+      "size", &render->width, "width in pixels; 0 = that of the training pictures", {.min = 0, .max = 7680});
+  options->Add("depth", &render->depth, "also write depth.mp4");
+  options->Add("pixel-rays",
+               &render->pixel_rays,
+               "rays per pixel: 1, 4, 9 or 16; 0 = as in training; fewer are faster, and jagged",
+               {.choices = {"0", "1", "4", "9", "16"}});
+}
+
+}  // namespace pipeline

@@ -1,0 +1,25 @@
+// The options of `pipeline sfm`, `normalize`, `evaluate` and `render`, without those that all stages have.
+// Apart from the stages, so that `pipeline run` can offer them without loading what the stages need.
+#pragma once
+
+#include <filesystem>
+
+#include "pipeline/stage/options.h"
+#include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/film.h"
+#include "sfm/reconstruction.h"
+
+namespace pipeline {
+
+struct NormalizeFlags {
+  std::filesystem::path poses, images;
+  int image_size = 512;  // longest side [px]; 0: keep
+  int holdout_every = 8;
+};
+
+void AddSfmOptions(Options* options, sfm::ReconstructionOptions* sfm);
+void AddNormalizeOptions(Options* options, NormalizeFlags* normalize);
+void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate);
+void AddRenderOptions(Options* options, FilmOptions* render);
+
+}  // namespace pipeline
