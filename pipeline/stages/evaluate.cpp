@@ -36,15 +36,18 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
-  std::printf("%s", fmt::format(
-      "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
-      scores.views.size(),
-      scores.protocol,
-      scores.psnr_db,
-      scores.ssim,
-      scores.flip,
-      worst.name,
-      worst.psnr_db).c_str());
+  std::printf(
+      "%s",
+      fmt::format(
+          "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
+          scores.views.size(),
+          scores.protocol,
+          scores.psnr_db,
+          scores.ssim,
+          scores.flip,
+          worst.name,
+          worst.psnr_db)
+          .c_str());
   if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", scores.protocol);

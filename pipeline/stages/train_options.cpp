@@ -174,8 +174,8 @@ nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags
     mlp.position.identity = mlp.direction.identity = true;
   }
   mlp.density = flags.density == "softplus" ? nerf::DensityActivation::kSoftplus
-                 : flags.density == "relu"   ? nerf::DensityActivation::kRelu
-                                             : nerf::DensityActivation::kExp;
+                : flags.density == "relu"   ? nerf::DensityActivation::kRelu
+                                            : nerf::DensityActivation::kExp;
   mlp.initialisation =
       flags.initialisation == "xavier" ? nerf::Initialisation::kXavier : nerf::Initialisation::kUniform;
   SetPrecision(flags.precision, &train.field);

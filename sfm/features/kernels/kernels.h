@@ -4,8 +4,8 @@
 //   d2(i, j) = |a_i|^2 + |b_j|^2 - 2 a_i . b_j
 // and from it the nearest b of each a, the nearest a of each b, and both second distances.
 //
-// Least work: n_a * n_b * 128 multiply-adds of bytes; one pair of pictures with 8,500 features each is 9.2e9. All
-// else (the two running minima, 10 instructions per 16 distances against 32 dot products) is overhead.
+// Least work: n_a * n_b * 128 multiply-adds of bytes; one pair of pictures with 8,500 features each is 9.2e9.
+// All else (the two running minima, 10 instructions per 16 distances against 32 dot products) is overhead.
 //
 // Everything is integer and exact: every build returns the same bytes as NearestReference below.
 //

@@ -10,8 +10,8 @@ TEST(Quoting, TheShellReadsTheSameWords) {
   EXPECT_EQ(io::ShellWord("--size=1.5,2"), "--size=1.5,2");
   EXPECT_EQ(io::ShellWord(""), "''");
   EXPECT_EQ(io::ShellWord("it's"), "'it'\\''s'");
-  const TempDir dir;
   for (const std::string word : {"a b", "it's", "''", "$HOME `ls` \\ \"x\"", "*?[", "a\nb", "ünï", "~"}) {
+    const TempDir dir;
     const io::ProcessReport report =
         io::RunProcess({"/bin/sh", "-c", "printf %s " + io::ShellWord(word)}, {.log_path = dir / "out"});
     EXPECT_TRUE(report.Ok()) << word;
