@@ -10,6 +10,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/owned_folder.h"
 #include "io/base/process.h"
 #include "io/image/image.h"
 #include "io/scene/ply.h"
@@ -51,6 +52,7 @@ class RunFolder {
  public:
   RunFolder() : path(fs::temp_directory_path() / ("report test " + std::to_string(getpid()))) {
     fs::remove_all(path);
+    io::ClaimFolder(path);
     WriteScene();
     WriteTraining();
     WriteScores();

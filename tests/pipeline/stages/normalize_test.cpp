@@ -10,6 +10,7 @@
 #include <set>
 
 #include "io/base/atomic_file.h"
+#include "io/base/owned_folder.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
 #include "io/scene/ply.h"
@@ -282,6 +283,7 @@ TEST_F(Normalize, ColmapWorkspaceUsesTheLargestModelAndItsTracks) {
 }
 
 TEST_F(Normalize, SfmStageGivesPicturesAndTheModelGivesTracks) {
+  io::ClaimFolder(out_);
   const io::Scene scene = WriteCapture(out_ / "sfm", ".png", 0);
   io::Scene original = scene;  // the model names the pictures as they were before undistortion
   for (io::Frame& frame : original.frames) frame.image_path.replace_extension(".jpg");
