@@ -1,5 +1,7 @@
 #include "nerf/data/dataset.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -60,9 +62,12 @@ Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
     io::Image image = io::ReadImage(frame.image_path);
     if (image.width != camera.width || image.height != camera.height) {
       throw Error(ExitCode::kBadInput,
-                  frame.image_path.string() + ": is " + std::to_string(image.width) + "x" +
-                      std::to_string(image.height) + ", its camera " + std::to_string(camera.width) + "x" +
-                      std::to_string(camera.height));
+                  fmt::format("{}: is {}x{}, its camera {}x{}",
+                              frame.image_path.string(),
+                              image.width,
+                              image.height,
+                              camera.width,
+                              camera.height));
     }
     images[static_cast<std::size_t>(i)] = std::move(image);
     if (frame.mask_path.empty()) return;

@@ -72,10 +72,16 @@ Json ParseHeader(const std::filesystem::path& path, const std::string& file, std
   return header;
 }
 
+FieldKind KindIn(const std::filesystem::path& path, const Json& header) {
+  const std::string name = header.value("field", "");
+  const std::optional<FieldKind> kind = FieldKindOf(name);
+  if (!kind) Reject(path, "holds a field of unknown kind '" + name + "'");
+  return *kind;
+}
+
 std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, const Json& header) {
-  const std::string kind = header.value("field", "");
   const Json& config = header["config"];
-  if (kind == "hash") {
+  if (KindIn(path, header) == FieldKind::kHash) {
     return std::make_unique<HashField>(
         HashFieldOptions{.grid = {.n_levels = Get(path, config, "n_levels", 8, 8),
                                   .log2_hashmap_size = Get(path, config, "log2_hashmap_size", 1, 24),
@@ -86,7 +92,6 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
                          .bf16_network = Get(path, config, "bf16_network", 0, 1) == 1},
         0);
   }
-  if (kind != "nerf") Reject(path, "holds a field of unknown kind '" + kind + "'");
   FieldConfig values;
   if (config.is_object()) {
     for (const auto& [key, value] : config.items()) {
@@ -112,7 +117,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                         {"step_size", sampling.step_size},
                         {"cone_angle", sampling.cone_angle},
                         {"scene_units", sampling.scene_units ? 1 : 0}};
-  header["field"] = scene_field->field->kind();
+  header["field"] = NameOf(scene_field->field->kind());
   header["config"] = scene_field->field->Config();
   if (const auto& background = scene_field->background)
     header["background"] = {{"r", (*background)[0]}, {"g", (*background)[1]}, {"b", (*background)[2]}};
@@ -202,13 +207,13 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   return scene_field;
 }
 
-std::string CheckpointField(const std::filesystem::path& path) {
+FieldKind KindOfCheckpoint(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   std::string start(kPrefix + kMaxHeader, '\0');
   in.read(start.data(), static_cast<std::streamsize>(start.size()));
   start.resize(static_cast<std::size_t>(in.gcount()));
   std::size_t at = 0;
-  return ParseHeader(path, start, &at).value("field", "");
+  return KindIn(path, ParseHeader(path, start, &at));
 }
 
 }  // namespace nerf

@@ -31,7 +31,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
 // Throws kBadState naming the check that failed: length, magic, header, tensor sizes, hashes.
 std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state);
 
-// The kind of field in a checkpoint, "hash" or "nerf", from its header alone. Throws as ReadCheckpoint.
-std::string CheckpointField(const std::filesystem::path& path);
+// The kind of field in a checkpoint, from its header alone. Throws as ReadCheckpoint.
+FieldKind KindOfCheckpoint(const std::filesystem::path& path);
 
 }  // namespace nerf

@@ -26,7 +26,7 @@ class HashField : public RadianceField {
   const HashGrid& grid() const { return grid_; }
   Network& network() { return network_; }
 
-  std::string kind() const override { return "hash"; }
+  FieldKind kind() const override { return FieldKind::kHash; }
   FieldConfig Config() const override;
   std::vector<Tensor> State() override;
   void Refresh() override;

@@ -138,7 +138,7 @@ void MlpField::EncodeDirection(const float direction[3], float* code) const {
 }
 
 void MlpField::QueryDensity(const Samples& samples, float* sigma) const {
-  thread_local NerfRows rows;
+  thread_local CodeRows rows;
   const Mlp& network = *networks_.back();
   const int n = samples.size(), chunk = network.ChunkRows();
   for (int first = 0; first < n; first += chunk) {
@@ -156,7 +156,7 @@ void MlpField::Query(const Samples& samples,
                      const ColourFilter& filter,
                      float* sigma,
                      float* rgb) const {
-  thread_local NerfRows rows;
+  thread_local CodeRows rows;
   const Mlp& network = *networks_[static_cast<std::size_t>(pass)];
   const auto stride = static_cast<std::size_t>(CodeStride(mlp_.direction_inputs));
   Grow(&rows.ray_codes, rays.size() * stride);

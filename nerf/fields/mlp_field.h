@@ -13,7 +13,7 @@
 
 namespace nerf {
 
-// The defaults train best; ReportNerfOptions() are the report's.
+// The defaults train best; ReportTrainOptions().field.mlp are the report's.
 struct MlpFieldOptions {
   EncodingOptions position = {.frequencies = 10};
   EncodingOptions direction = {.frequencies = 4, .times_pi = false};
@@ -31,7 +31,7 @@ struct MlpFieldOptions {
 MlpOptions MlpOptionsOf(const MlpFieldOptions& options);
 
 // What one thread needs to go from samples to rows of the network; reused.
-struct NerfRows {
+struct CodeRows {
   std::vector<float> position_codes, direction_codes, ray_codes;
   std::vector<float> density, logits;
 };
@@ -42,7 +42,7 @@ class MlpField : public RadianceField {
   // From a checkpoint's values. Throws kBadState for values out of range.
   explicit MlpField(const FieldConfig& config);
 
-  std::string kind() const override { return "nerf"; }
+  FieldKind kind() const override { return FieldKind::kMlp; }
   FieldConfig Config() const override;
   std::vector<Tensor> State() override;
   void Refresh() override;

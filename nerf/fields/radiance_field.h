@@ -1,4 +1,4 @@
-// What rendering, occupancy and checkpoints ask of a field. `hash` (hash_field.h) and `nerf` (nerf_field.h)
+// What rendering, occupancy and checkpoints ask of a field. `hash` (hash_field.h) and `nerf` (mlp_field.h)
 // answer.
 #pragma once
 
@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "nerf/fields/field_kind.h"
 #include "nerf/sampling/quadrature.h"
 #include "nerf/sampling/sampler.h"
 
@@ -31,8 +32,7 @@ class RadianceField {
  public:
   virtual ~RadianceField() = default;
 
-  // "hash" or "nerf".
-  virtual std::string kind() const = 0;
+  virtual FieldKind kind() const = 0;
   virtual FieldConfig Config() const = 0;
   virtual std::vector<Tensor> State() = 0;
   // To be called after values were set through State().

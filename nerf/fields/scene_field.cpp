@@ -1,10 +1,11 @@
 #include "nerf/fields/scene_field.h"
-#include "io/base/median.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "io/base/median.h"
 #include "nerf/data/occupancy_init.h"
 
 namespace nerf {
@@ -38,7 +39,7 @@ struct PointExtent {
 // thousandth: content at infinity, put there, moves by a third of the parallax of the farthest point. The
 // cube holds 90 % of the points, within one to two times the region of interest, since resolution is shared
 // by all that it holds.
-PointExtent ExtentOf(const io::Scene& scene, const SceneContraction& map) {
+PointExtent ExtentOf(const io::Scene& scene, const SceneContraction& contraction) {
   std::vector<double> distances, reaches;
   for (const io::Frame& frame : scene.frames) {
     const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
@@ -51,15 +52,129 @@ PointExtent ExtentOf(const io::Scene& scene, const SceneContraction& map) {
       }
     }
   }
-  const double half = map.half;
+  const double half = contraction.half;
   if (distances.empty()) return {0.1 * scene.near, 32 * half, half};
   for (const io::Point3D& point : scene.points) {
     const Eigen::Vector3f x = point.xyz.cast<float>();
-    reaches.push_back(map.Reach(x.data()));
+    reaches.push_back(contraction.Reach(x.data()));
   }
   return {std::clamp(0.5 * io::Quantile(distances, 0.001), 0.01 * scene.near, scene.near),
           std::max(3 * io::Quantile(distances, 0.999), 2 * scene.far),
           half * std::clamp(io::Quantile(reaches, 0.9), 1.0, 2.0)};
+}
+
+// The space and the intervals in it, before the field's kind has its say.
+struct Space {
+  SceneContraction contraction;
+  SamplerOptions sampling;
+  double footprint = 0;  // of a pixel, at the centre
+};
+
+// Shrinks the cube to that around the visual hull.
+void ShrinkToHull(const io::Scene& scene,
+                  const Dataset& dataset,
+                  io::Workers* workers,
+                  SceneContraction* contraction) {
+  OccupancyGrid hull(kHullResolution, *contraction);
+  const std::array<float, 6> box = CarveByMasks(scene, dataset, *contraction, workers, &hull);
+  float low[3], high[3], side = 0;
+  contraction->FromUnit(&box[0], low);
+  contraction->FromUnit(&box[3], high);
+  for (int i = 0; i < 3; ++i) side = std::max(side, high[i] - low[i]);
+  if (side <= 0) return;
+  for (std::size_t i = 0; i < 3; ++i) contraction->centre[i] = 0.5f * (low[i] + high[i]);
+  contraction->half = 0.5f * side;
+}
+
+double FootprintAtCentre(const io::Scene& scene, const SceneContraction& contraction) {
+  const std::array<float, 3>& centre = contraction.centre;
+  return PixelFootprint(scene, Eigen::Vector3d(centre[0], centre[1], centre[2]));
+}
+
+Space BoundedSpace(const io::Scene& scene, const Dataset& dataset, io::Workers* workers) {
+  Space space{.contraction = SceneContraction::FromScene(scene, false)};
+  ShrinkToHull(scene, dataset, workers, &space.contraction);
+  space.footprint = FootprintAtCentre(scene, space.contraction);
+  space.sampling.near = static_cast<float>(0.5 * scene.near);
+  space.sampling.far = static_cast<float>(scene.far);
+  space.sampling.step_size = static_cast<float>(kIntervalPixels * space.footprint);
+  return space;
+}
+
+Space UnboundedSpace(const io::Scene& scene) {
+  Space space{.contraction = SceneContraction::FromScene(scene, true)};
+  const PointExtent extent = ExtentOf(scene, space.contraction);
+  space.contraction.half = static_cast<float>(extent.half);
+  space.footprint = FootprintAtCentre(scene, space.contraction);
+  const double distance = 0.5 * (scene.near + scene.far);
+  space.sampling.near = static_cast<float>(extent.near);
+  space.sampling.far = static_cast<float>(extent.far);
+  space.sampling.cone_angle = static_cast<float>(kUnboundedIntervalPixels * space.footprint / distance);
+  space.sampling.step_size = 0.5f * static_cast<float>(kUnboundedIntervalPixels * space.footprint);
+  return space;
+}
+
+// Makes the field, says how large it is, and changes the sampling where the kind of field asks for it.
+std::unique_ptr<RadianceField> MakeHashField(
+    const io::Scene&, const SceneFieldOptions& options, std::uint64_t seed, Space* space, std::string* size) {
+  HashFieldOptions field = {.bf16_network = options.bf16_network};
+  HashGridOptions& grid = field.grid;
+  grid.bf16 = options.bf16_table;
+  grid.entry_moments = options.entry_moments;
+  grid.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
+  const double cells = space->contraction.InnerSide() / (options.finest_cell_pixels * space->footprint);
+  grid.finest_resolution = options.finest_resolution ? options.finest_resolution
+                                                     : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
+  *size = fmt::format("{} levels, {} to {} cells, 2^{} entries",
+                      grid.n_levels,
+                      grid.base_resolution,
+                      grid.finest_resolution,
+                      grid.log2_hashmap_size);
+  return std::make_unique<HashField>(field, seed);
+}
+
+std::unique_ptr<RadianceField> MakeMlpField(const io::Scene& scene,
+                                            const SceneFieldOptions& options,
+                                            std::uint64_t seed,
+                                            Space* space,
+                                            std::string* size) {
+  const QuadratureOptions& quadrature = options.mlp.quadrature;
+  SamplerOptions& sampling = space->sampling;
+  sampling.scene_units = options.mlp.scene_units;
+  if (quadrature.n_samples > 0) {
+    sampling.near = static_cast<float>(scene.near);
+    sampling.far = static_cast<float>(scene.far);
+  } else if (!space->contraction.unbounded) {
+    sampling.step_size = static_cast<float>((scene.far - scene.near) / kReportSamples);
+  }
+  auto field = std::make_unique<MlpField>(options.mlp, space->contraction.unbounded, seed);
+  *size = fmt::format("{} weights", field->n_parameters());
+  if (quadrature.n_samples > 0) {
+    *size += fmt::format(", {} samples per ray, from near to far, not by intervals",
+                         quadrature.n_samples + quadrature.n_importance);
+  }
+  return field;
+}
+
+std::string Derivation(const Space& space, const std::string& size, const SceneField& scene_field) {
+  std::string text;
+  if (const auto& background = scene_field.background) {
+    const auto level = [&](std::size_t j) { return std::lround(255 * (*background)[j]); };
+    text = fmt::format(
+        "background of one colour ({}, {}, {}), which is not modelled; ", level(0), level(1), level(2));
+  }
+  const bool unbounded = space.contraction.unbounded;
+  return text + fmt::format(
+                    "pixel footprint {:.4g} units; {} cube of side {:.3g}; intervals {:.4g}{}; {}; "
+                    "occupancy {}^3, {:.1f} % to start from",
+                    space.footprint,
+                    unbounded ? "contracted space around a" : "bounded",
+                    2.0 * space.contraction.half,
+                    static_cast<double>(space.sampling.step_size),
+                    unbounded ? " and growing with distance" : "",
+                    size,
+                    scene_field.grid.resolution(),
+                    100 * scene_field.grid.OccupiedShare());
 }
 
 }  // namespace
@@ -71,105 +186,21 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            io::Workers* workers,
                                            std::string* derivation) {
   const bool has_alpha = dataset.channels == 4;
-  SceneContraction map = SceneContraction::FromScene(scene, !has_alpha);
-  const int grid_resolution = options.grid_resolution ? options.grid_resolution : kGridResolution;
-  PointExtent extent = {};
-  if (map.unbounded) {
-    extent = ExtentOf(scene, map);
-    map.half = static_cast<float>(extent.half);
-  }
-  if (has_alpha) {
-    OccupancyGrid hull(kHullResolution, map);
-    const std::array<float, 6> box = CarveByMasks(scene, dataset, map, workers, &hull);
-    float low[3], high[3], side = 0;
-    map.FromUnit(&box[0], low);
-    map.FromUnit(&box[3], high);
-    for (int i = 0; i < 3; ++i) side = std::max(side, high[i] - low[i]);
-    if (side > 0) {
-      for (std::size_t i = 0; i < 3; ++i) map.centre[i] = 0.5f * (low[i] + high[i]);
-      map.half = 0.5f * side;
-    }
-  }
-  const Eigen::Vector3d centre(map.centre[0], map.centre[1], map.centre[2]);
-  const double footprint = PixelFootprint(scene, centre);
-  SamplerOptions sampling;
-  if (map.unbounded) {
-    const double distance = 0.5 * (scene.near + scene.far);
-    sampling.near = static_cast<float>(extent.near);
-    sampling.far = static_cast<float>(extent.far);
-    sampling.cone_angle = static_cast<float>(kUnboundedIntervalPixels * footprint / distance);
-    sampling.step_size = 0.5f * static_cast<float>(kUnboundedIntervalPixels * footprint);
-  } else {
-    sampling.near = static_cast<float>(0.5 * scene.near);
-    sampling.far = static_cast<float>(scene.far);
-    sampling.step_size = static_cast<float>(kIntervalPixels * footprint);
-  }
-  std::unique_ptr<RadianceField> field;
+  Space space = has_alpha ? BoundedSpace(scene, dataset, workers) : UnboundedSpace(scene);
   std::string size;
-  if (options.field == "nerf") {
-    const MlpFieldOptions& nerf = options.nerf;
-    sampling.scene_units = nerf.scene_units;
-    if (nerf.quadrature.n_samples > 0) {
-      sampling.near = static_cast<float>(scene.near);
-      sampling.far = static_cast<float>(scene.far);
-    } else if (!map.unbounded) {
-      sampling.step_size = static_cast<float>((scene.far - scene.near) / kReportSamples);
-    }
-    auto network = std::make_unique<MlpField>(nerf, map.unbounded, seed);
-    size = std::to_string(network->n_parameters()) + " weights";
-    if (nerf.quadrature.n_samples > 0) {
-      size += ", " + std::to_string(nerf.quadrature.n_samples + nerf.quadrature.n_importance) +
-              " samples per ray, from near to far, not by intervals";
-    }
-    field = std::move(network);
-  } else {
-    HashFieldOptions hash_options = {.bf16_network = options.bf16_network};
-    HashGridOptions& hash = hash_options.grid;
-    hash.bf16 = options.bf16_table;
-    hash.entry_moments = options.entry_moments;
-    hash.log2_hashmap_size = options.log2_hashmap_size ? options.log2_hashmap_size : kLog2HashmapSize;
-    const double cells = map.InnerSide() / (options.finest_cell_pixels * footprint);
-    hash.finest_resolution = options.finest_resolution ? options.finest_resolution
-                                                       : static_cast<int>(std::clamp(cells, 64.0, 8192.0));
-    size = std::to_string(hash.n_levels) + " levels, " + std::to_string(hash.base_resolution) + " to " +
-           std::to_string(hash.finest_resolution) + " cells, 2^" + std::to_string(hash.log2_hashmap_size) +
-           " entries";
-    field = std::make_unique<HashField>(hash_options, seed);
-  }
-
-  auto result = std::make_unique<SceneField>(map, sampling, std::move(field), grid_resolution);
+  const auto make_field = options.kind == FieldKind::kHash ? MakeHashField : MakeMlpField;
+  std::unique_ptr<RadianceField> field = make_field(scene, options, seed, &space, &size);
+  const int grid_resolution = options.grid_resolution ? options.grid_resolution : kGridResolution;
+  auto result =
+      std::make_unique<SceneField>(space.contraction, space.sampling, std::move(field), grid_resolution);
   result->background = dataset.background;
   if (has_alpha) {
-    CarveByMasks(scene, dataset, map, workers, &result->grid);
+    CarveByMasks(scene, dataset, space.contraction, workers, &result->grid);
   } else {
-    CarveByFrusta(scene, dataset, map, sampling.near, workers, &result->grid);
+    CarveByFrusta(scene, dataset, space.contraction, space.sampling.near, workers, &result->grid);
   }
   result->grid.Rebuild();
-  char text[400];
-  std::snprintf(
-      text,
-      sizeof text,
-      "pixel footprint %.4g units; %s cube of side %.3g; intervals %.4g%s; %s; occupancy %d^3, %.1f %% to "
-      "start from",
-      footprint,
-      map.unbounded ? "contracted space around a" : "bounded",
-      2.0 * map.half,
-      static_cast<double>(sampling.step_size),
-      map.unbounded ? " and growing with distance" : "",
-      size.c_str(),
-      grid_resolution,
-      100 * result->grid.OccupiedShare());
-  *derivation = text;
-  if (dataset.background) {
-    const auto level = [&](std::size_t j) { return std::lround(255 * (*dataset.background)[j]); };
-    std::snprintf(text,
-                  sizeof text,
-                  "background of one colour (%ld, %ld, %ld), which is not modelled; ",
-                  level(0),
-                  level(1),
-                  level(2));
-    *derivation = text + *derivation;
-  }
+  *derivation = Derivation(space, size, *result);
   return result;
 }
 

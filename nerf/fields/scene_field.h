@@ -42,7 +42,7 @@ struct SceneField {
 
 // Overrides of what is otherwise derived from the scene; 0 keeps the derivation.
 struct SceneFieldOptions {
-  std::string field = "hash";  // or "nerf"
+  FieldKind kind = FieldKind::kHash;
   int log2_hashmap_size = 0;
   int finest_resolution = 0;
   double finest_cell_pixels = 0.9;
@@ -50,7 +50,10 @@ struct SceneFieldOptions {
   int grid_resolution = 0;
   // `hash`: tables looked up, and products computed, in bfloat16.
   bool bf16_table = false, bf16_network = false;
-  MlpFieldOptions nerf;
+  MlpFieldOptions mlp;
+
+  // Where in its pixel a ray starts, see RadianceField::pixel_offset.
+  double PixelOffset() const { return kind == FieldKind::kMlp && !mlp.pixel_centres ? 0.0 : 0.5; }
 };
 
 // Sizes the field by what the scene needs (the derivation is returned as one line of text):
@@ -60,8 +63,8 @@ struct SceneFieldOptions {
 //   says otherwise (training_schedule.h)
 // Pictures with alpha, given or from a plain background: the space is the cube around their visual hull.
 // Others: contracted space around a cube of one to two times scene.aabb that holds 90 % of the sparse points.
-// `nerf` has the report's intervals, (far - near) / 192, in bounded scenes, and with a fixed number of
-// samples per ray those between near and far.
+// `nerf` has intervals of (far - near) / 192 in bounded scenes, as many as the report has samples; with a
+// fixed number of samples per ray these lie between near and far.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,

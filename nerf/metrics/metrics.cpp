@@ -1,5 +1,7 @@
 #include "nerf/metrics/metrics.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -18,12 +20,11 @@ constexpr double kSsimC1 = 0.01 * 0.01, kSsimC2 = 0.03 * 0.03;  // (k * data ran
 
 void RequireComparable(const io::Image& a, const io::Image& b) {
   const auto text = [](const io::Image& image) {
-    return std::to_string(image.width) + "x" + std::to_string(image.height) + "x" +
-           std::to_string(image.channels);
+    return fmt::format("{}x{}x{}", image.width, image.height, image.channels);
   };
   if (a.width != b.width || a.height != b.height || a.channels != 3 || b.channels != 3) {
     throw io::Error(io::ExitCode::kBadInput,
-                    "pictures of " + text(a) + " and " + text(b) + " values cannot be compared",
+                    fmt::format("pictures of {} and {} values cannot be compared", text(a), text(b)),
                     "Both must be RGB of one size");
   }
 }
@@ -106,8 +107,7 @@ double Ssim(const io::Image& a, const io::Image& b, const io::Mask& mask) {
   RequireFitting(mask, a);
   if (std::min(a.width, a.height) < 2 * kSsimRadius + 1) {
     throw io::Error(io::ExitCode::kBadInput,
-                    "SSIM of a picture of " + std::to_string(a.width) + "x" + std::to_string(a.height) +
-                        " pixels is not defined",
+                    fmt::format("SSIM of a picture of {}x{} pixels is not defined", a.width, a.height),
                     "Its window needs 11 pixels in each direction");
   }
   const io::Mask centres = CropBorder(mask);

@@ -48,8 +48,6 @@ class CheckpointTrainedField : public TrainedField {
 
 }  // namespace
 
-std::string FieldOfCheckpoint(const std::filesystem::path& checkpoint) { return CheckpointField(checkpoint); }
-
 std::unique_ptr<TrainedField> TrainedField::Load(const std::filesystem::path& checkpoint) {
   return std::make_unique<CheckpointTrainedField>(checkpoint);
 }

@@ -30,9 +30,6 @@ struct RenderedView {
   std::vector<float> opacity;  // [height][width], sum of weights
 };
 
-// The kind of field in a checkpoint, "hash" or "nerf". Throws kBadState naming the check that failed.
-std::string FieldOfCheckpoint(const std::filesystem::path& checkpoint);
-
 class TrainedField {
  public:
   // Throws kBadState naming the check that failed.

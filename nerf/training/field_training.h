@@ -39,10 +39,10 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 io::Workers* workers);
-std::unique_ptr<FieldTraining> MakeNerfTraining(const Dataset& dataset,
-                                                const TrainOptions& options,
-                                                SceneField* scene_field,
-                                                io::Workers* workers);
+std::unique_ptr<FieldTraining> MakeMlpTraining(const Dataset& dataset,
+                                               const TrainOptions& options,
+                                               SceneField* scene_field,
+                                               io::Workers* workers);
 
 // The next batch aims at `wanted` samples; at most a factor 2 per step, since one batch may be unusual.
 int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high);

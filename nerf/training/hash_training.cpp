@@ -1,4 +1,6 @@
 // Training steps of the `hash` field: Adam on tables and networks, own kernels throughout.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <variant>
 
@@ -35,6 +37,8 @@ class HashTraining : public FieldTraining {
   HashTraining(const Dataset& dataset,
                const TrainOptions& options,
                SceneField* scene_field,
+               HashGrid* grid,
+               HashNetwork<Real>* network,
                io::Workers* workers)
       : dataset_(dataset),
         options_(options),
@@ -42,8 +46,8 @@ class HashTraining : public FieldTraining {
         rebuild_every_(std::max<std::uint64_t>(
             1, kRebuildSamples / static_cast<std::uint64_t>(options.samples_per_step))),
         scene_field_(scene_field),
-        grid_(dynamic_cast<HashField&>(*scene_field->field).grid()),
-        network_(std::get<HashNetwork<Real>>(dynamic_cast<HashField&>(*scene_field->field).network())),
+        grid_(*grid),
+        network_(*network),
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
@@ -52,7 +56,8 @@ class HashTraining : public FieldTraining {
 
   StepOutcome Step(double progress, TrainState* state) override;
   std::string Arithmetic() const override {
-    return std::string(kernels::ActiveKernels().name) + " kernels, " + (sizeof(Real) == 2 ? "bf16" : "fp32");
+    return fmt::format(
+        "{} kernels, {}", kernels::ActiveKernels().name, sizeof(Real) == 2 ? "bf16" : "fp32");
   }
 
  private:
@@ -100,7 +105,7 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
     outcome.n_samples += shard.samples.visited_cell.size();
     AddLoss(shard.loss, n_pixels, &outcome);
     if (shard.loss.bad_ray) {
-      outcome.fault = "loss or gradient of ray " + std::to_string(*shard.loss.bad_ray);
+      outcome.fault = fmt::format("loss or gradient of ray {}", *shard.loss.bad_ray);
       return outcome;
     }
   }
@@ -154,9 +159,12 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 io::Workers* workers) {
-  if (dynamic_cast<HashField&>(*scene_field->field).network().index() == 1)
-    return std::make_unique<HashTraining<kernels::Bf16>>(dataset, options, scene_field, workers);
-  return std::make_unique<HashTraining<float>>(dataset, options, scene_field, workers);
+  HashField& field = dynamic_cast<HashField&>(*scene_field->field);
+  const auto make = [&]<typename Real>(HashNetwork<Real>& network) -> std::unique_ptr<FieldTraining> {
+    return std::make_unique<HashTraining<Real>>(
+        dataset, options, scene_field, &field.grid(), &network, workers);
+  };
+  return std::visit(make, field.network());
 }
 
 }  // namespace nerf

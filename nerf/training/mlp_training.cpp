@@ -1,5 +1,7 @@
 // Training steps of the `nerf` field. The network's passes are the Mlp's; rays, sampling, occupancy and
 // compositing are those of every field.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "nerf/training/field_training.h"
@@ -63,11 +65,11 @@ class MlpTraining : public FieldTraining {
 
 StepOutcome MlpTraining::Step(double progress, TrainState* state) {
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards, .wave_samples = kWaveSamples};
-  plan.n_rays = IsPruned() ? std::min(state->n_rays, options_.nerf.rays) : options_.nerf.rays;
-  const double share = std::min(1.0, progress / options_.nerf.step_scale_share);
-  plan.step_scale = static_cast<float>(std::pow(options_.nerf.first_step_scale, 1.0 - share));
+  plan.n_rays = IsPruned() ? std::min(state->n_rays, options_.mlp.rays) : options_.mlp.rays;
+  const double share = std::min(1.0, progress / options_.mlp.step_scale_share);
+  plan.step_scale = static_cast<float>(std::pow(options_.mlp.first_step_scale, 1.0 - share));
   plan.early_stop_depth = kEarlyStopDepth;
-  if (options_.nerf.white_background) plan.background = {1, 1, 1};
+  if (options_.mlp.white_background) plan.background = {1, 1, 1};
   const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
   const MlpShardContext context{dataset_, field_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int) {
@@ -81,7 +83,7 @@ StepOutcome MlpTraining::Step(double progress, TrainState* state) {
     outcome.flop += Flop(shard);
     AddLoss(shard.loss, plan.n_rays, &outcome);
     if (shard.loss.bad_ray && outcome.fault.empty())
-      outcome.fault = "loss of ray " + std::to_string(*shard.loss.bad_ray);
+      outcome.fault = fmt::format("loss of ray {}", *shard.loss.bad_ray);
     if (&shard != &shards_[0]) {
       for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += shard.gradients[i];
     }
@@ -89,18 +91,17 @@ StepOutcome MlpTraining::Step(double progress, TrainState* state) {
   if (outcome.fault.empty()) outcome.fault = FaultOf(sum);
   if (!outcome.fault.empty()) return outcome;
 
-  const double rate = options_.learning_rate > 0 ? options_.learning_rate : kNerfLearningRate;
+  const double rate = options_.learning_rate > 0 ? options_.learning_rate : kMlpLearningRate;
   const double warm =
-      std::min(1.0, static_cast<double>(state->step + 1) / std::max(1, options_.nerf.learning_rate_warm_up));
-  field_.Step(
-      rate * warm * state->learning_rate_scale * std::pow(options_.nerf.learning_rate_final, progress),
-      state->step,
-      sum.data());
+      std::min(1.0, static_cast<double>(state->step + 1) / std::max(1, options_.mlp.learning_rate_warm_up));
+  field_.Step(rate * warm * state->learning_rate_scale * std::pow(options_.mlp.learning_rate_final, progress),
+              state->step,
+              sum.data());
   if (IsPruned()) {
     UpdateOccupancy(state->step + 1, state->seed);
-    const int least = std::min(kMinRays, options_.nerf.rays);
-    state->n_rays = NextRayCount(
-        plan.n_rays, outcome.n_samples, options_.nerf.samples_per_step, least, options_.nerf.rays);
+    const int least = std::min(kMinRays, options_.mlp.rays);
+    state->n_rays =
+        NextRayCount(plan.n_rays, outcome.n_samples, options_.mlp.samples_per_step, least, options_.mlp.rays);
   }
   return outcome;
 }
@@ -114,7 +115,7 @@ std::string MlpTraining::FaultOf(const std::vector<float>& gradients) const {
       const std::size_t end = layers[l].biases + static_cast<std::size_t>(layers[l].outputs);
       float sum = 0;
       for (std::size_t i = at + layers[l].weights; i < at + end; ++i) sum += gradients[i] * 0.f;
-      if (sum != 0.f) return "gradient of layer " + std::to_string(l) + " (" + layers[l].name + ")";
+      if (sum != 0.f) return fmt::format("gradient of layer {} ({})", l, layers[l].name);
     }
   }
   return "";
@@ -135,10 +136,10 @@ void MlpTraining::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
 
 }  // namespace
 
-std::unique_ptr<FieldTraining> MakeNerfTraining(const Dataset& dataset,
-                                                const TrainOptions& options,
-                                                SceneField* scene_field,
-                                                io::Workers* workers) {
+std::unique_ptr<FieldTraining> MakeMlpTraining(const Dataset& dataset,
+                                               const TrainOptions& options,
+                                               SceneField* scene_field,
+                                               io::Workers* workers) {
   return std::make_unique<MlpTraining>(dataset, options, scene_field, workers);
 }
 
@@ -146,16 +147,16 @@ TrainOptions ReportTrainOptions() {
   TrainOptions options;
   options.steps = 100000;
   options.learning_rate = 5e-4;
-  options.field.field = "nerf";
-  options.field.nerf = {.position = {.frequencies = 10, .identity = true, .times_pi = false},
-                        .direction = {.frequencies = 4, .identity = true, .times_pi = false},
-                        .scene_units = true,
-                        .density = DensityActivation::kRelu,
-                        .initialisation = Initialisation::kUniform,
-                        .pixel_centres = false,
-                        .quadrature = {.n_samples = 192, .open_end = true},
-                        .bf16 = true};
-  options.nerf = {
+  options.field.kind = FieldKind::kMlp;
+  options.field.mlp = {.position = {.frequencies = 10, .identity = true, .times_pi = false},
+                       .direction = {.frequencies = 4, .identity = true, .times_pi = false},
+                       .scene_units = true,
+                       .density = DensityActivation::kRelu,
+                       .initialisation = Initialisation::kUniform,
+                       .pixel_centres = false,
+                       .quadrature = {.n_samples = 192, .open_end = true},
+                       .bf16 = true};
+  options.mlp = {
       .rays = 4096, .learning_rate_final = 1, .learning_rate_warm_up = 0, .white_background = true};
   return options;
 }

@@ -1,8 +1,9 @@
 #include "nerf/training/target_training.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "io/base/error.h"
 
@@ -51,16 +52,13 @@ TrainReport TrainToTarget(const io::Scene& scene,
     events.insert(events.end(), report.events.begin(), report.events.end());
     attempts.push_back({report.budget_s, report.heldout_psnr});
     const bool reached = report.heldout_psnr >= options.target_psnr;
-    char text[160];
-    std::snprintf(text,
-                  sizeof text,
-                  "attempt of %.3g s: held-out views at %.2f dB after %.1f s, target %.4g dB%s",
-                  report.budget_s,
-                  report.heldout_psnr,
-                  report.train_s,
-                  options.target_psnr,
-                  reached ? " reached" : "");
-    events.push_back(text);
+    events.push_back(
+        fmt::format("attempt of {:.3g} s: held-out views at {:.2f} dB after {:.1f} s, target {:.4g} dB{}",
+                    report.budget_s,
+                    report.heldout_psnr,
+                    report.train_s,
+                    options.target_psnr,
+                    reached ? " reached" : ""));
     if (reached || report.budget_s >= options.time_s) {
       report.train_s = spent_s;
       report.steps = steps;

@@ -1,24 +1,22 @@
 #include "nerf/training/trainer.h"
 
-#include <chrono>
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <optional>
 
 #include "io/base/check.h"
 #include "io/base/interrupt.h"
 #include "io/base/progress.h"
-#include "io/base/resource_meter.h"
 #include "nerf/data/hull_pixels.h"
 #include "nerf/data/plain_background.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
+#include "nerf/training/training_clock.h"
 
 namespace nerf {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr double kLossDecay = 0.98;           // running mean of the squared error, about 50 steps
 constexpr std::uint64_t kCollapseStep = 500;  // by then a living field is far above a constant picture
@@ -28,8 +26,19 @@ constexpr double kMonitorGrowth = 1.5;        // monitoring moments grow geometr
 constexpr double kTargetMonitorGrowth = 1.1;  // (where they decide when to stop)
 constexpr double kFirstMonitorS = 1.0;        // ... from one second of training on
 constexpr double kMonitorShare = 0.2;         // and take at most this share of the training time
+constexpr double kProgressEveryS = 0.5;
 
-double Seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
+double Db(double squared_error) { return -10 * std::log10(std::max(squared_error, 1e-12)); }
+
+// What the loop needs to know of a kind of field.
+struct TrainingKind {
+  FieldKind kind;
+  decltype(&MakeHashTraining) make;
+  bool has_schedule;       // that of training_schedule.h
+  bool drops_idle_pixels;  // those whose rays meet no cell of the visual hull
+};
+constexpr TrainingKind kTrainingKinds[] = {{FieldKind::kHash, MakeHashTraining, true, true},
+                                           {FieldKind::kMlp, MakeMlpTraining, false, false}};
 
 class Trainer {
  public:
@@ -41,29 +50,35 @@ class Trainer {
         heldout_(heldout),
         options_(options),
         folder_(folder),
+        kind_(kTrainingKinds[static_cast<std::size_t>(options.field.kind)]),
         workers_(options.threads),
-        dataset_(LoadDataset(scene, options.threads, PixelOffset())),
+        dataset_(LoadDataset(scene, options.threads, options.field.PixelOffset())),
         curve_(folder / "curve.csv") {}
 
   TrainReport Run();
 
  private:
-  double PixelOffset() const;
   void Begin();
   void MakeField();
   void MakeTraining();
   double Progress(double elapsed_s) const;
+  bool HasReachedTarget() const;
   void Step(double progress);
+  void Skip(const std::string& fault);
   bool HasCollapsed() const;
   void Restart();
   void Monitor(double elapsed_s);
   void Save(double elapsed_s);
+  void MonitorWhenDue(double now);
+  void SaveWhenDue(double now);
+  void ShowProgress(double now);
+  void FillReport();
 
-  // Training time counts from here on, the reading of the pictures included.
-  const Clock::time_point start_ = Clock::now();
+  TrainingClock clock_;  // from here on, the reading of the pictures included
   const io::Scene &scene_, &heldout_;
   TrainOptions options_;
   const std::filesystem::path folder_;
+  const TrainingKind& kind_;
   io::Workers workers_;
   Dataset dataset_;
   std::optional<HeldoutMonitor> monitor_;
@@ -75,20 +90,18 @@ class Trainer {
   double loss_ = 0, opacity_ = 0;
   double constant_squared_error_ = 0;
   std::uint64_t n_samples_ = 0, n_rays_ = 0;
-  double flop_ = 0, excluded_cpu_s_ = 0;  // monitoring and checkpoints do not count
+  double flop_ = 0;
+  double next_monitor_s_ = 0, next_save_s_ = 0;
+  std::optional<io::Progress> bar_;
+  double shown_s_ = 0;            // when progress was last shown ...
+  std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
 };
 
-double Trainer::PixelOffset() const {
-  const bool corners = options_.field.field == "nerf" && !options_.field.nerf.pixel_centres;
-  return corners ? 0.0 : 0.5;
-}
-
 void Trainer::MakeTraining() {
-  if (options_.field.field == "hash" && dataset_.channels == 4) {
+  if (kind_.drops_idle_pixels && dataset_.channels == 4) {
     DropPixelsBesideHull(scene_, scene_field_->map, scene_field_->grid.resolution(), &workers_, &dataset_);
   }
-  const auto make = options_.field.field == "nerf" ? MakeNerfTraining : MakeHashTraining;
-  training_ = make(dataset_, options_, scene_field_.get(), &workers_);
+  training_ = kind_.make(dataset_, options_, scene_field_.get(), &workers_);
 }
 
 void Trainer::MakeField() {
@@ -98,7 +111,7 @@ void Trainer::MakeField() {
   field.finest_cell_pixels = schedule.finest_cell_pixels;
   field.entry_moments = schedule.entry_moments;
   scene_field_ = MakeSceneField(scene_, dataset_, field, state_.seed, &workers_, &report_.derivation);
-  if (field.field == "hash") report_.events.push_back("schedule for this budget: " + schedule.Text());
+  if (kind_.has_schedule) report_.events.push_back("schedule for this budget: " + schedule.Text());
   MakeTraining();
 }
 
@@ -108,7 +121,7 @@ void Trainer::Begin() {
   if (std::filesystem::exists(checkpoint)) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);
     if (options_.target_psnr > 0) options_.time_s = state_.budget_s;
-    report_.events.push_back("resumed at step " + std::to_string(state_.step));
+    report_.events.push_back(fmt::format("resumed at step {}", state_.step));
     MakeTraining();
   } else {
     state_.seed = options_.seed;
@@ -116,8 +129,14 @@ void Trainer::Begin() {
     state_.channels = dataset_.channels;
     MakeField();
   }
-  const bool white = options_.field.field == "nerf" && options_.nerf.white_background;
+  const bool white = kind_.kind == FieldKind::kMlp && options_.mlp.white_background;
   constant_squared_error_ = ConstantSquaredError(dataset_, white ? 1.0 : 0.5);
+  clock_.Resume(state_.elapsed_s);
+  clock_.Exclude([&] { monitor_.emplace(heldout_, options_.threads, options_.field.PixelOffset()); });
+  next_monitor_s_ = std::max(kFirstMonitorS, state_.elapsed_s * kMonitorGrowth);
+  bar_.emplace("train");
+  shown_s_ = clock_.Elapsed();
+  next_save_s_ = shown_s_ + options_.checkpoint_every_s;
 }
 
 double Trainer::Progress(double elapsed_s) const {
@@ -126,28 +145,34 @@ double Trainer::Progress(double elapsed_s) const {
   return std::min(progress, 1.0);
 }
 
+bool Trainer::HasReachedTarget() const {
+  return options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
+}
+
 void Trainer::Step(double progress) {
   const StepOutcome outcome = training_->Step(progress, &state_);
   loss_ = outcome.loss;
   opacity_ = outcome.opacity;
-  if (!outcome.fault.empty()) {
-    const std::string where =
-        outcome.fault + ", step " + std::to_string(state_.step) + ", seed " + std::to_string(state_.seed);
-    if (++state_.skipped_steps > kMaxSkippedSteps) {
-      throw io::Error(
-          io::ExitCode::kNumeric, "not finite: " + where, "Lower --learning-rate or change --seed");
-    }
-    report_.events.push_back("skipped a step that was not finite: " + where + "; learning rate halved");
-    state_.learning_rate_scale *= 0.5;
-  } else {
+  if (outcome.fault.empty()) {
     n_samples_ += outcome.n_samples;
     n_rays_ += outcome.n_rays;
     flop_ += outcome.flop;
     state_.squared_error = state_.squared_error < 0
                                ? outcome.squared_error
                                : kLossDecay * state_.squared_error + (1 - kLossDecay) * outcome.squared_error;
+  } else {
+    Skip(outcome.fault);
   }
   ++state_.step;
+}
+
+void Trainer::Skip(const std::string& fault) {
+  const std::string where = fmt::format("{}, step {}, seed {}", fault, state_.step, state_.seed);
+  if (++state_.skipped_steps > kMaxSkippedSteps) {
+    throw io::Error(io::ExitCode::kNumeric, "not finite: " + where, "Lower --learning-rate or change --seed");
+  }
+  report_.events.push_back("skipped a step that was not finite: " + where + "; learning rate halved");
+  state_.learning_rate_scale *= 0.5;
 }
 
 bool Trainer::HasCollapsed() const {
@@ -156,8 +181,8 @@ bool Trainer::HasCollapsed() const {
 }
 
 void Trainer::Restart() {
-  report_.events.push_back("collapsed by step " + std::to_string(state_.step) + " with seed " +
-                           std::to_string(state_.seed) + "; restarted with the next seed");
+  report_.events.push_back(fmt::format(
+      "collapsed by step {} with seed {}; restarted with the next seed", state_.step, state_.seed));
   TrainState fresh;
   fresh.seed = state_.seed + 1;
   fresh.restarts = state_.restarts + 1;
@@ -168,11 +193,8 @@ void Trainer::Restart() {
 }
 
 void Trainer::Monitor(double elapsed_s) {
-  CurvePoint point{.step = state_.step,
-                   .wall_s = elapsed_s,
-                   .cpu_s = io::ProcessCpuSeconds() - excluded_cpu_s_,
-                   .loss = loss_};
-  point.train_psnr = -10 * std::log10(std::max(state_.squared_error, 1e-12));
+  CurvePoint point{.step = state_.step, .wall_s = elapsed_s, .cpu_s = clock_.CpuElapsed(), .loss = loss_};
+  point.train_psnr = Db(state_.squared_error);
   point.heldout_psnr = monitor_->Psnr(*scene_field_, &workers_);
   report_.curve.push_back(point);
   curve_.Add(point);
@@ -185,65 +207,34 @@ void Trainer::Save(double elapsed_s) {
   curve_.Write();
 }
 
-TrainReport Trainer::Run() {
-  Begin();
-  // Monitoring and checkpoints do not count as training time; reading pictures and making the field do.
-  const double resumed_s = state_.elapsed_s;
-  double excluded_s = 0;
-  const auto elapsed = [&] { return resumed_s + Seconds(Clock::now() - start_) - excluded_s; };
-  const auto excluding = [&](auto&& work) {
-    const Clock::time_point begin = Clock::now();
-    const double cpu_begin = io::ProcessCpuSeconds();
-    work();
-    excluded_s += Seconds(Clock::now() - begin);
-    excluded_cpu_s_ += io::ProcessCpuSeconds() - cpu_begin;
-  };
-  excluding([&] { monitor_.emplace(heldout_, options_.threads, PixelOffset()); });
-  io::Progress bar("train");
-  double next_monitor_s = std::max(kFirstMonitorS, resumed_s * kMonitorGrowth);
-  double next_save_s = elapsed() + options_.checkpoint_every_s;
-  double last_rate_s = elapsed();
-  std::uint64_t last_rate_rays = 0;
-  double rays_per_s = 0;
-  const auto reached = [&] {
-    return options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
-  };
-  for (double now = elapsed(); Progress(now) < 1.0 && !reached(); now = elapsed()) {
-    Step(Progress(now));
-    if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
-    if (io::PendingInterrupt()) {
-      Save(elapsed());
-      io::ThrowIfInterrupted();
-    }
-    now = elapsed();
-    if (now >= next_monitor_s) {
-      const double before_s = excluded_s;
-      excluding([&] { Monitor(now); });
-      const double cost_s = excluded_s - before_s;
-      const double growth = options_.target_psnr > 0 ? kTargetMonitorGrowth : kMonitorGrowth;
-      next_monitor_s = std::max({now * growth, next_monitor_s, now + cost_s / kMonitorShare});
-    }
-    if (now >= next_save_s) {
-      excluding([&] { Save(now); });
-      next_save_s = now + options_.checkpoint_every_s;
-    }
-    if (now - last_rate_s > 0.5) {
-      rays_per_s = static_cast<double>(n_rays_ - last_rate_rays) / (now - last_rate_s);
-      last_rate_s = now;
-      last_rate_rays = n_rays_;
-      char heldout[40] = "", note[120];
-      if (report_.heldout_psnr > 0)
-        std::snprintf(heldout, sizeof heldout, "held-out %.2f dB  ", report_.heldout_psnr);
-      const double train_db = -10 * std::log10(std::max(state_.squared_error, 1e-12));
-      std::snprintf(note, sizeof note, "train %.2f dB  %s%.0f k rays/s", train_db, heldout, rays_per_s / 1e3);
-      bar.Update(Progress(now), note);
-    }
-  }
+void Trainer::MonitorWhenDue(double now) {
+  if (now < next_monitor_s_) return;
+  const double cost_s = clock_.Exclude([&] { Monitor(now); });
+  const double growth = options_.target_psnr > 0 ? kTargetMonitorGrowth : kMonitorGrowth;
+  next_monitor_s_ = std::max({now * growth, next_monitor_s_, now + cost_s / kMonitorShare});
+}
+
+void Trainer::SaveWhenDue(double now) {
+  if (now < next_save_s_) return;
+  clock_.Exclude([&] { Save(now); });
+  next_save_s_ = now + options_.checkpoint_every_s;
+}
+
+void Trainer::ShowProgress(double now) {
+  if (now - shown_s_ <= kProgressEveryS) return;
+  const double rays_per_s = static_cast<double>(n_rays_ - shown_rays_) / (now - shown_s_);
+  shown_s_ = now;
+  shown_rays_ = n_rays_;
+  std::string heldout;
+  if (report_.heldout_psnr > 0) heldout = fmt::format("held-out {:.2f} dB  ", report_.heldout_psnr);
+  bar_->Update(
+      Progress(now),
+      fmt::format("train {:.2f} dB  {}{:.0f} k rays/s", Db(state_.squared_error), heldout, rays_per_s / 1e3));
+}
+
+void Trainer::FillReport() {
+  const double this_run_s = std::max(report_.train_s - clock_.resumed_s(), 1e-9);
   report_.budget_s = options_.time_s;
-  report_.train_s = elapsed();
-  Monitor(report_.train_s);
-  Save(report_.train_s);
-  const double this_run_s = std::max(report_.train_s - resumed_s, 1e-9);
   report_.steps = state_.step;
   report_.parameters = scene_field_->field->n_parameters();
   report_.samples_per_s = static_cast<double>(n_samples_) / this_run_s;
@@ -256,6 +247,26 @@ TrainReport Trainer::Run() {
   report_.skipped_steps = state_.skipped_steps;
   report_.restarts = state_.restarts;
   report_.arithmetic = training_->Arithmetic();
+}
+
+TrainReport Trainer::Run() {
+  Begin();
+  for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget(); now = clock_.Elapsed()) {
+    Step(Progress(now));
+    if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
+    now = clock_.Elapsed();
+    if (io::PendingInterrupt()) {
+      Save(now);
+      io::ThrowIfInterrupted();
+    }
+    MonitorWhenDue(now);
+    SaveWhenDue(now);
+    ShowProgress(now);
+  }
+  report_.train_s = clock_.Elapsed();
+  Monitor(report_.train_s);
+  Save(report_.train_s);
+  FillReport();
   return report_;
 }
 

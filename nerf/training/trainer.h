@@ -14,10 +14,10 @@
 
 namespace nerf {
 
-inline constexpr double kNerfLearningRate = 2e-3;
+inline constexpr double kMlpLearningRate = 2e-3;
 
 // What only the `nerf` field has; the defaults train best, ReportTrainOptions() are the report's.
-struct NerfTrainOptions {
+struct MlpTrainOptions {
   int rays = 4096;  // per step, at most: with the occupancy grid, samples_per_step limits them as well
   int samples_per_step = 1 << 12;
   double learning_rate_final = 0.1;  // last rate / first rate, falling exponentially; 1: constant
@@ -41,7 +41,7 @@ struct TrainOptions {
   std::optional<TrainingSchedule> schedule;  // `hash`; otherwise by what time or steps afford
   double checkpoint_every_s = 60;
   SceneFieldOptions field;
-  NerfTrainOptions nerf;
+  MlpTrainOptions mlp;
 };
 
 // options.schedule, or the best known for options.time_s or options.steps; with the rate and the table size

@@ -1,6 +1,6 @@
 #include "nerf/training/training_curve.h"
 
-#include <cstdio>
+#include <fmt/format.h>
 
 #include "io/base/atomic_file.h"
 
@@ -12,17 +12,13 @@ TrainingCurve::TrainingCurve(const std::filesystem::path& path)
 }
 
 void TrainingCurve::Add(const CurvePoint& point) {
-  char line[200];
-  std::snprintf(line,
-                sizeof line,
-                "%llu,%.3f,%.3f,%.6g,%.3f,%.3f\n",
-                static_cast<unsigned long long>(point.step),
-                point.wall_s,
-                point.cpu_s,
-                point.loss,
-                point.train_psnr,
-                point.heldout_psnr);
-  text_ += line;
+  text_ += fmt::format("{},{:.3f},{:.3f},{:.6g},{:.3f},{:.3f}\n",
+                       point.step,
+                       point.wall_s,
+                       point.cpu_s,
+                       point.loss,
+                       point.train_psnr,
+                       point.heldout_psnr);
 }
 
 void TrainingCurve::Write() const { io::WriteFileAtomically(path_, text_); }

@@ -1,8 +1,9 @@
 #include "nerf/training/training_schedule.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace nerf {
 
@@ -16,25 +17,21 @@ double TrainingSchedule::StepScale(double progress) const {
 }
 
 std::string TrainingSchedule::Text() const {
-  char text[300], pixels[60] = "";
+  std::string pixels;
   if (pixel_rays_from < 1)
-    std::snprintf(
-        pixels, sizeof pixels, "; %d rays per pixel from %.0f %% on", pixel_rays, 100 * pixel_rays_from);
-  std::snprintf(text,
-                sizeof text,
-                "tables of 2^%d entries, finest cells of %g pixels; moments per %s; rate %g for %.0f %% of "
-                "the run, then "
-                "falling to %g; intervals %g times as long at first, 1 after %.0f %%%s",
-                log2_hashmap_size,
-                finest_cell_pixels,
-                entry_moments ? "entry" : "value",
-                learning_rate,
-                100 * hold,
-                learning_rate * last_rate,
-                first_step_scale,
-                100 * step_scale_share,
-                pixels);
-  return text;
+    pixels = fmt::format("; {} rays per pixel from {:.0f} % on", pixel_rays, 100 * pixel_rays_from);
+  return fmt::format(
+      "tables of 2^{} entries, finest cells of {:g} pixels; moments per {}; rate {:g} for {:.0f} % of the run, "
+      "then falling to {:g}; intervals {:g} times as long at first, 1 after {:.0f} %{}",
+      log2_hashmap_size,
+      finest_cell_pixels,
+      entry_moments ? "entry" : "value",
+      learning_rate,
+      100 * hold,
+      learning_rate * last_rate,
+      first_step_scale,
+      100 * step_scale_share,
+      pixels);
 }
 
 TrainingSchedule ScheduleFor(double n_samples) {

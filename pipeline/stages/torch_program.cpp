@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "io/base/error.h"
+#include "nerf/fields/checkpoint.h"
 #include "nerf/fields/mlp.h"
-#include "nerf/rendering/trained_field.h"
 
 namespace pipeline {
 
 bool NeedsTorch(const std::filesystem::path& checkpoint) {
-  return std::filesystem::exists(checkpoint) && nerf::FieldOfCheckpoint(checkpoint) == "nerf";
+  return std::filesystem::exists(checkpoint) && nerf::KindOfCheckpoint(checkpoint) == nerf::FieldKind::kMlp;
 }
 
 void ContinueWithTorch(const std::string& stage, int argc, const char* const* argv) {

@@ -28,7 +28,7 @@ void TrainStage(int argc, const char* const* argv) {
   ApplyPreset(argc, argv, &options, &flags);
   nerf::TrainOptions train = ResolvedTrainOptions(options, flags);
   train.threads = ResolvedThreads(common);
-  if (train.field.field == "nerf") ContinueWithTorch("train", argc, argv);
+  if (train.field.kind == nerf::FieldKind::kMlp) ContinueWithTorch("train", argc, argv);
 
   const std::filesystem::path scene_folder = common.out / "scene";
   StageRun run("train", common, options, {scene_folder}, true);
@@ -66,7 +66,7 @@ void TrainStage(int argc, const char* const* argv) {
     run.Set("gflops", report.gflops);
     run.Set("gemm_gflops", report.gemm_gflops);
   }
-  run.Set("field", train.field.field);
+  run.Set("field", nerf::NameOf(train.field.kind));
   run.Set("parameters", static_cast<double>(report.parameters));
   run.Set("steps", static_cast<double>(report.steps));
   run.Set("train_s", report.train_s);

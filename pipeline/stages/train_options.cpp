@@ -46,7 +46,7 @@ void SetHashPrecision(const std::string& precision, nerf::SceneFieldOptions* fie
 
 void CheckRanges(const nerf::TrainOptions& train) {
   const nerf::SceneFieldOptions& field = train.field;
-  const nerf::QuadratureOptions& quadrature = field.nerf.quadrature;
+  const nerf::QuadratureOptions& quadrature = field.mlp.quadrature;
   Require(train.time_s > 0, "--time: must be positive");
   Require(train.steps >= 0, "--steps: must not be negative");
   Require(train.samples_per_step >= 1024 && train.samples_per_step <= kMaxBatch,
@@ -64,13 +64,13 @@ void CheckRanges(const nerf::TrainOptions& train) {
           "--importance-samples: must lie in 0 to 16384");
   Require(quadrature.n_samples > 0 || (quadrature.n_importance == 0 && !quadrature.open_end),
           "--importance-samples and --open-end need --samples");
-  Require(train.nerf.rays >= 1 && train.nerf.rays <= kMaxRays, "--rays: must lie in 1 to 1048576");
-  Require(train.nerf.learning_rate_final > 0 && train.nerf.learning_rate_final <= 1,
+  Require(train.mlp.rays >= 1 && train.mlp.rays <= kMaxRays, "--rays: must lie in 1 to 1048576");
+  Require(train.mlp.learning_rate_final > 0 && train.mlp.learning_rate_final <= 1,
           "--learning-rate-decay: must lie in 0 to 1");
-  Require(train.nerf.learning_rate_warm_up >= 0, "--learning-rate-warm-up: must not be negative");
-  for (const int frequencies : {field.nerf.position.frequencies, field.nerf.direction.frequencies})
+  Require(train.mlp.learning_rate_warm_up >= 0, "--learning-rate-warm-up: must not be negative");
+  for (const int frequencies : {field.mlp.position.frequencies, field.mlp.direction.frequencies})
     Require(frequencies >= 0 && frequencies <= kMaxFrequencies, "frequencies must lie in 0 to 20");
-  Require(field.nerf.position.identity || field.nerf.position.frequencies > 0,
+  Require(field.mlp.position.identity || field.mlp.position.frequencies > 0,
           "--no-encoding-identity: without frequencies nothing is left of the position");
 }
 
@@ -78,9 +78,9 @@ void CheckRanges(const nerf::TrainOptions& train) {
 
 void AddTrainOptions(Options* options, TrainFlags* flags) {
   nerf::TrainOptions& train = flags->train;
-  nerf::MlpFieldOptions& nerf = train.field.nerf;
+  nerf::MlpFieldOptions& mlp = train.field.mlp;
   options->Add("field",
-               &train.field.field,
+               &flags->field,
                "radiance field: hash (grid, own kernels) or nerf (the original MLP, LibTorch)");
   options->Add("preset",
                &flags->preset,
@@ -105,30 +105,30 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
                &train.field.grid_resolution,
                "occupancy cells per axis, a multiple of 64; 0 = derived");
   options->Add("samples",
-               &nerf.quadrature.n_samples,
+               &mlp.quadrature.n_samples,
                "nerf: stratified samples per ray on [near, far]; 0 = where the occupancy grid says");
   options->Add("importance-samples",
-               &nerf.quadrature.n_importance,
+               &mlp.quadrature.n_importance,
                "nerf: further samples where a first network saw weight");
   options->Add(
-      "open-end", &nerf.quadrature.open_end, "nerf: the last interval is 1e10 long, as in the original code");
-  options->Add("rays", &train.nerf.rays, "nerf: rays per step, drawn over all pictures");
+      "open-end", &mlp.quadrature.open_end, "nerf: the last interval is 1e10 long, as in the original code");
+  options->Add("rays", &train.mlp.rays, "nerf: rays per step, drawn over all pictures");
   options->Add("learning-rate-decay",
-               &train.nerf.learning_rate_final,
+               &train.mlp.learning_rate_final,
                "nerf: last learning rate as a share of the first; 1 = constant");
   options->Add("learning-rate-warm-up",
-               &train.nerf.learning_rate_warm_up,
+               &train.mlp.learning_rate_warm_up,
                "nerf: steps over which the learning rate rises from 0");
   options->Add("white-background",
-               &train.nerf.white_background,
+               &train.mlp.white_background,
                "nerf: pictures with alpha on white only, not on all backgrounds");
   options->Add("positional-encoding",
                &flags->positional_encoding,
                "nerf: encode positions and directions; --no-positional-encoding is the ablation");
   options->Add(
-      "position-frequencies", &nerf.position.frequencies, "nerf: frequencies of the position's encoding");
+      "position-frequencies", &mlp.position.frequencies, "nerf: frequencies of the position's encoding");
   options->Add(
-      "direction-frequencies", &nerf.direction.frequencies, "nerf: frequencies of the direction's encoding");
+      "direction-frequencies", &mlp.direction.frequencies, "nerf: frequencies of the direction's encoding");
   options->Add("encoding-identity", &flags->identity, "nerf: codes begin with the coordinates themselves");
   options->Add("encoding-space",
                &flags->encoding_space,
@@ -136,13 +136,13 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
   options->Add("density", &flags->density, "nerf: density activation: softplus, relu or exp");
   options->Add("initialisation", &flags->initialisation, "nerf: xavier, or uniform as LibTorch's own");
   options->Add("pixel-centres",
-               &nerf.pixel_centres,
+               &mlp.pixel_centres,
                "nerf: rays through pixel centres; --no-pixel-centres: corners, as the original code");
   options->Add("precision",
                &flags->precision,
                "factors of the networks' products: bf16 (sums and weights in float), fp32, or auto; hash has "
                "bf16-network and bf16-table alone as well");
-  options->Add("device", &nerf.device, "nerf: cpu, or cuda where the linked LibTorch has it");
+  options->Add("device", &mlp.device, "nerf: cpu, or cuda where the linked LibTorch has it");
   options->Add("checkpoint-every", &train.checkpoint_every_s, "seconds between checkpoints", false);
 }
 
@@ -151,6 +151,7 @@ void ApplyPreset(int argc, const char* const* argv, Options* options, TrainFlags
   if (flags->preset != "report") Unknown("preset", flags->preset, "report");
   options->ApplyPreset(argc, argv, [flags] {
     flags->train = nerf::ReportTrainOptions();
+    flags->field = "nerf";
     flags->density = "relu";
     flags->initialisation = "uniform";
     flags->encoding_space = "scene";
@@ -161,39 +162,40 @@ void ApplyPreset(int argc, const char* const* argv, Options* options, TrainFlags
 
 nerf::TrainOptions ResolvedTrainOptions(const Options& options, const TrainFlags& flags) {
   nerf::TrainOptions train = flags.train;
-  if (train.field.field != "hash" && train.field.field != "nerf")
-    Unknown("field", train.field.field, "hash, nerf");
+  const auto kind = nerf::FieldKindOf(flags.field);
+  if (!kind) Unknown("field", flags.field, "hash, nerf");
+  train.field.kind = *kind;
   train.time_s = ParseDuration("time", flags.time);
   if (options.IsSetByUser("time") && !options.IsSetByUser("steps")) train.steps = 0;
   if (!flags.target.empty()) {
     train.target_psnr = ParseDecibels("target", flags.target);
-    Require(train.field.field == "hash", "--target: needs --field hash");
+    Require(kind == nerf::FieldKind::kHash, "--target: needs --field hash");
     Require(train.steps == 0, "--target: does not go with --steps");
     if (!options.IsSetByUser("time")) train.time_s = kTargetCeiling_s;
   }
-  if (flags.batch != 0) train.samples_per_step = train.nerf.samples_per_step = flags.batch;
-  nerf::MlpFieldOptions& nerf = train.field.nerf;
+  if (flags.batch != 0) train.samples_per_step = train.mlp.samples_per_step = flags.batch;
+  nerf::MlpFieldOptions& mlp = train.field.mlp;
   const bool cube = Choose("encoding-space", flags.encoding_space, "cube", "scene");
-  nerf.scene_units = !cube;
-  nerf.position.times_pi = cube;
-  nerf.position.identity = nerf.direction.identity = flags.identity;
+  mlp.scene_units = !cube;
+  mlp.position.times_pi = cube;
+  mlp.position.identity = mlp.direction.identity = flags.identity;
   if (!flags.positional_encoding) {
-    nerf.position.frequencies = nerf.direction.frequencies = 0;
-    nerf.position.identity = nerf.direction.identity = true;
+    mlp.position.frequencies = mlp.direction.frequencies = 0;
+    mlp.position.identity = mlp.direction.identity = true;
   }
-  nerf.density = DensityOf(flags.density);
-  nerf.initialisation = Choose("initialisation", flags.initialisation, "xavier", "uniform")
-                            ? nerf::Initialisation::kXavier
-                            : nerf::Initialisation::kUniform;
-  Choose("device", nerf.device, "cpu", "cuda");
-  if (train.field.field == "hash") {
+  mlp.density = DensityOf(flags.density);
+  mlp.initialisation = Choose("initialisation", flags.initialisation, "xavier", "uniform")
+                           ? nerf::Initialisation::kXavier
+                           : nerf::Initialisation::kUniform;
+  Choose("device", mlp.device, "cpu", "cuda");
+  if (kind == nerf::FieldKind::kHash) {
     SetHashPrecision(flags.precision, &train.field);
   } else {
-    nerf.bf16 = flags.precision == "auto" ? nerf::PrefersBf16(nerf.device)
-                                          : Choose("precision", flags.precision, "bf16", "fp32");
+    mlp.bf16 = flags.precision == "auto" ? nerf::PrefersBf16(mlp.device)
+                                         : Choose("precision", flags.precision, "bf16", "fp32");
   }
   // Positions in scene units need samples that are placed in them.
-  Require(cube || nerf.quadrature.n_samples > 0, "--encoding-space scene needs --samples");
+  Require(cube || mlp.quadrature.n_samples > 0, "--encoding-space scene needs --samples");
   CheckRanges(train);
   return train;
 }

@@ -13,7 +13,7 @@ struct TrainFlags {
   std::string preset, time = "3m", target;
   int batch = 0;
   // Text of what has names.
-  std::string density = "softplus", initialisation = "xavier", encoding_space = "cube", precision = "auto";
+  std::string field = "hash", density = "softplus", initialisation = "xavier", encoding_space = "cube", precision = "auto";
   bool positional_encoding = true, identity = true;
 };
 

@@ -76,14 +76,14 @@ Dataset GoldenDataset() {
 
 TrainOptions GoldenOptions(bool bf16) {
   TrainOptions options = ReportTrainOptions();
-  options.field.nerf.bf16 = bf16;
-  options.field.nerf.quadrature.n_samples = kSamples;
-  options.nerf.rays = kRays;
+  options.field.mlp.bf16 = bf16;
+  options.field.mlp.quadrature.n_samples = kSamples;
+  options.mlp.rays = kRays;
   return options;
 }
 
 std::unique_ptr<SceneField> GoldenField(bool bf16) {
-  const MlpFieldOptions options = GoldenOptions(bf16).field.nerf;
+  const MlpFieldOptions options = GoldenOptions(bf16).field.mlp;
   auto field = std::make_unique<MlpField>(options, false, kSeed);
   const std::span<float> weights = field->State()[0].values;
   for (std::size_t i = 0; i < weights.size(); ++i) {
@@ -129,7 +129,7 @@ Codes CodesOf(const SceneField& scene_field, const MlpShard& shard) {
 // The gradient of each weight matrix and bias vector, in the order of the golden values.
 std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
   std::vector<std::vector<double>> tensors;
-  for (const MlpLayer& layer : Layers(MlpOptionsOf(GoldenOptions(false).field.nerf))) {
+  for (const MlpLayer& layer : Layers(MlpOptionsOf(GoldenOptions(false).field.mlp))) {
     const auto at = gradients.begin();
     const auto weights = at + static_cast<std::ptrdiff_t>(layer.weights),
                biases = at + static_cast<std::ptrdiff_t>(layer.biases);
@@ -139,7 +139,7 @@ std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
   return tensors;
 }
 
-TEST(NerfGolden, DistancesAndCodesAreThePapers) {
+TEST(MlpGolden, DistancesAndCodesAreThePapers) {
   const auto scene_field = GoldenField(false);
   const MlpShard shard = GoldenShard(*scene_field);
   EXPECT_LE(MaxError(Doubles(shard.samples.sorted.t), Values("distances")), 1e-9);
@@ -158,7 +158,7 @@ TEST(NerfGolden, DistancesAndCodesAreThePapers) {
   EXPECT_LE(worst, 1e-6);
 }
 
-TEST(NerfGolden, OutputsWeightsAndLossAreThePapers) {
+TEST(MlpGolden, OutputsWeightsAndLossAreThePapers) {
   const auto scene_field = GoldenField(false);
   const MlpShard shard = GoldenShard(*scene_field);
   const Codes codes = CodesOf(*scene_field, shard);
@@ -191,7 +191,7 @@ TEST(NerfGolden, OutputsWeightsAndLossAreThePapers) {
 }
 
 // N33
-TEST(NerfGolden, TheGradientOfEveryTensorIsThePapers) {
+TEST(MlpGolden, TheGradientOfEveryTensorIsThePapers) {
   const auto scene_field = GoldenField(false);
   const auto tensors = Tensors(GoldenShard(*scene_field).gradients);
   ASSERT_EQ(tensors.size(), Golden()["gradients"].size());
@@ -223,7 +223,7 @@ TEST(NerfGolden, TheGradientOfEveryTensorIsThePapers) {
 }
 
 // N33: bfloat16 against float, which the test above has tied to the paper.
-TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
+TEST(MlpGolden, Bf16GradientsPointTheSameWay) {
   const auto exact_field = GoldenField(false), field = GoldenField(true);
   const MlpShard exact_shard = GoldenShard(*exact_field, kBf16Rays), shard = GoldenShard(*field, kBf16Rays);
   EXPECT_NEAR(shard.loss.loss / exact_shard.loss.loss, 1, 1e-2);
@@ -239,14 +239,14 @@ TEST(NerfGolden, Bf16GradientsPointTheSameWay) {
 }
 
 // N23: Adam included.
-TEST(NerfGolden, TenTrainingStepsHaveTheGoldenLosses) {
+TEST(MlpGolden, TenTrainingStepsHaveTheGoldenLosses) {
   const std::vector<double> losses = Values("losses");
   ASSERT_EQ(losses.size(), 10u);
   const Dataset dataset = GoldenDataset();
   const TrainOptions options = GoldenOptions(false);
   const auto scene_field = GoldenField(false);
   io::Workers workers(1);
-  const auto training = MakeNerfTraining(dataset, options, scene_field.get(), &workers);
+  const auto training = MakeMlpTraining(dataset, options, scene_field.get(), &workers);
   double worst = 0;
   TrainState state{.seed = kSeed};
   for (; state.step < losses.size(); ++state.step) {

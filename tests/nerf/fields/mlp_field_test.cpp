@@ -6,7 +6,7 @@
 #include "nerf/rendering/ray_renderer.h"
 #include "nerf/rendering/volume_rendering.h"
 #include "tests/support/reference_mlp.h"
-#include "tests/support/small_nerf.h"
+#include "tests/support/small_mlp.h"
 #include "tests/support/temp_dir.h"
 
 namespace nerf {
@@ -20,7 +20,7 @@ class TrainedBall : public testing::Test {
   static void SetUpTestSuite() {
     const TempDir dir;
     const io::Scene scene = tests::SmallBall(dir.path(), 12, 0, tests::kPrunedFar);
-    Train(scene, {}, tests::SmallNerf(60, 256), dir.path());
+    Train(scene, {}, tests::SmallMlp(60, 256), dir.path());
     TrainState state;
     trained_ = ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
     const RayCamera camera(scene.cameras[0], scene.frames[0].world_from_cam);
@@ -159,7 +159,7 @@ TEST_F(TrainedBall, LooksTheSameInDouble) {
 }
 
 TEST(MlpField, ItsConfigMakesItAgain) {
-  MlpFieldOptions options = ReportTrainOptions().field.nerf;
+  MlpFieldOptions options = ReportTrainOptions().field.mlp;
   options.quadrature.n_importance = 8;
   const MlpField field(options, true, 1);
   EXPECT_EQ(field.n_networks(), 2);

@@ -7,7 +7,7 @@
 #include "io/base/error.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
-#include "tests/support/small_nerf.h"
+#include "tests/support/small_mlp.h"
 #include "tests/support/temp_dir.h"
 
 namespace nerf {
@@ -16,7 +16,7 @@ namespace {
 using tests::FieldOf;
 using tests::kStratifiedFar;
 using tests::SmallBall;
-using tests::SmallNerf;
+using tests::SmallMlp;
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN(),
                 kInfinity = std::numeric_limits<float>::infinity();
@@ -34,7 +34,7 @@ struct Bench {
     std::string derivation;
     state.seed = seed;
     scene_field = MakeSceneField(scene, dataset, options.field, seed, &workers, &derivation);
-    training = MakeNerfTraining(dataset, options, scene_field.get(), &workers);
+    training = MakeMlpTraining(dataset, options, scene_field.get(), &workers);
   }
   std::span<float> Weights() { return FieldOf(scene_field.get()).State()[0].values; }
   // All values of the field's state, as bytes, so that NaNs compare.
@@ -59,16 +59,16 @@ struct Bench {
 };
 
 MlpLayer LayerOf(const TrainOptions& options, std::size_t layer) {
-  return Layers(MlpOptionsOf(options.field.nerf))[layer];
+  return Layers(MlpOptionsOf(options.field.mlp))[layer];
 }
 
 // N26, N27
-TEST(NerfFaults, ANaNInAnyLayerIsFoundInTheSameStepWhichIsNotApplied) {
+TEST(MlpFaults, ANaNInAnyLayerIsFoundInTheSameStepWhichIsNotApplied) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
   for (const QuadratureOptions quadrature :
        {QuadratureOptions{}, {.n_samples = 8}, {.n_samples = 8, .n_importance = 8}}) {
-    Bench bench(scene, SmallNerf(100, 64, quadrature));
+    Bench bench(scene, SmallMlp(100, 64, quadrature));
     EXPECT_EQ(bench.Step().fault, "");
     for (const std::size_t layer : {std::size_t{0}, std::size_t{11}}) {
       // In the second network, where there is one.
@@ -90,10 +90,10 @@ TEST(NerfFaults, ANaNInAnyLayerIsFoundInTheSameStepWhichIsNotApplied) {
 
 // N26: a loss may be finite where its gradient is not. Here a ReLU hides -inf, and 0 * inf appears on the way
 // back.
-TEST(NerfFaults, AGradientThatIsNotFiniteNamesItsLayer) {
+TEST(MlpFaults, AGradientThatIsNotFiniteNamesItsLayer) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
-  Bench bench(scene, SmallNerf(100, 32, {.n_samples = 8}));
+  Bench bench(scene, SmallMlp(100, 32, {.n_samples = 8}));
   bench.Weights()[LayerOf(bench.options, 0).biases] = 100;          // unit 0 is on for every sample ...
   bench.Weights()[LayerOf(bench.options, 1).weights] = -kInfinity;  // ... and turns unit 0 of layer 1 off
   bench.scene_field->field->Refresh();
@@ -112,11 +112,11 @@ void Poison(const std::filesystem::path& folder, const Change& change) {
 }
 
 // N28
-TEST(NerfFaults, TrainingGivesUpAfterThreeSkippedStepsAndLeavesTheCheckpointAlone) {
+TEST(MlpFaults, TrainingGivesUpAfterThreeSkippedStepsAndLeavesTheCheckpointAlone) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
-  const TrainOptions options = SmallNerf(20, 32, {.n_samples = 8});
-  Train(scene, {}, SmallNerf(3, 32, {.n_samples = 8}), dir.path());
+  const TrainOptions options = SmallMlp(20, 32, {.n_samples = 8});
+  Train(scene, {}, SmallMlp(3, 32, {.n_samples = 8}), dir.path());
   Poison(dir.path(),
          [&](std::span<float> weights, TrainState*) { weights[LayerOf(options, 0).weights] = kNaN; });
   const std::string before = io::ReadFile(dir / "checkpoint.bin");
@@ -125,12 +125,12 @@ TEST(NerfFaults, TrainingGivesUpAfterThreeSkippedStepsAndLeavesTheCheckpointAlon
 }
 
 // N17: the density's bias holds every ReLU density at 0, where no gradient moves it.
-TEST(NerfFaults, ADeadStartIsRestartedOnceByStep500) {
+TEST(MlpFaults, ADeadStartIsRestartedOnceByStep500) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
   const auto options = [](int steps) {
-    TrainOptions result = SmallNerf(steps, 1, {.n_samples = 8});
-    result.field.nerf.density = DensityActivation::kRelu;
+    TrainOptions result = SmallMlp(steps, 1, {.n_samples = 8});
+    result.field.mlp.density = DensityActivation::kRelu;
     return result;
   };
   Train(scene, {}, options(1), dir.path());
@@ -162,23 +162,23 @@ int StepsToFiveDb(const io::Scene& scene, const TrainOptions& options, std::uint
 }
 
 // N16
-TEST(NerfFaults, EverySeedComesAliveOnASceneThatIsMostlyWhite) {
+TEST(MlpFaults, EverySeedComesAliveOnASceneThatIsMostlyWhite) {
   const TempDir dir;
   io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 24, .focal = 0.875});
   scene.near = 3;
   scene.far = 5;
-  TrainOptions options = SmallNerf(300, 64, {.n_samples = 8});
+  TrainOptions options = SmallMlp(300, 64, {.n_samples = 8});
   options.learning_rate = 0;  // the field's own, with its warm-up
-  options.nerf.learning_rate_warm_up = NerfTrainOptions().learning_rate_warm_up;
-  options.nerf.white_background = true;
+  options.mlp.learning_rate_warm_up = MlpTrainOptions().learning_rate_warm_up;
+  options.mlp.white_background = true;
   for (std::uint64_t seed = 1; seed <= Seeds(); ++seed) {
     const int steps = StepsToFiveDb(scene, options, seed);
     std::printf("softplus, seed %d: 5 dB after %d steps\n", static_cast<int>(seed), steps);
     EXPECT_LT(steps, 300) << "seed " << seed;
   }
   // The negative control is for the reader: how often it fails depends on the seeds.
-  options.field.nerf.density = DensityActivation::kRelu;
-  options.field.nerf.initialisation = Initialisation::kUniform;
+  options.field.mlp.density = DensityActivation::kRelu;
+  options.field.mlp.initialisation = Initialisation::kUniform;
   for (const std::uint64_t seed : {1, 2}) {
     const int steps = StepsToFiveDb(scene, options, seed);
     std::printf("ReLU, seed %d: 5 dB %s %d steps\n",

@@ -6,7 +6,7 @@
 #include "nerf/rendering/ray_renderer.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/heldout_monitor.h"
-#include "tests/support/small_nerf.h"
+#include "tests/support/small_mlp.h"
 #include "tests/support/temp_dir.h"
 
 namespace nerf {
@@ -15,7 +15,7 @@ namespace {
 using tests::kPrunedFar;
 using tests::kStratifiedFar;
 using tests::SmallBall;
-using tests::SmallNerf;
+using tests::SmallMlp;
 
 // Gain over the best constant picture, in dB, on a view that was not trained on.
 double LearntDb(const TrainOptions& options, double far) {
@@ -37,15 +37,15 @@ double LearntDb(const TrainOptions& options, double far) {
 }
 
 TEST(MlpTraining, LearnsTheBallBetweenOccupiedCells) {
-  EXPECT_GE(LearntDb(SmallNerf(70, 256), kPrunedFar), 10);
+  EXPECT_GE(LearntDb(SmallMlp(70, 256), kPrunedFar), 10);
 }
 
 TEST(MlpTraining, LearnsTheBallWithStratifiedSamples) {
-  EXPECT_GE(LearntDb(SmallNerf(80, 48, {.n_samples = 32}), kStratifiedFar), 6);
+  EXPECT_GE(LearntDb(SmallMlp(80, 48, {.n_samples = 32}), kStratifiedFar), 6);
 }
 
 TEST(MlpTraining, LearnsTheBallWithImportanceSamples) {
-  EXPECT_GE(LearntDb(SmallNerf(70, 48, {.n_samples = 16, .n_importance = 16}), kStratifiedFar), 5);
+  EXPECT_GE(LearntDb(SmallMlp(70, 48, {.n_samples = 16, .n_importance = 16}), kStratifiedFar), 5);
 }
 
 // All that a run leaves behind, but for its duration.
@@ -80,12 +80,12 @@ class PrunedRun : public testing::Test {
     scene_ = SmallBall(dir_->path(), 12, 0, kPrunedFar);
     const std::filesystem::path run = *dir_ / "run";
     std::filesystem::create_directories(run);
-    Train(scene_, {}, SmallNerf(2, kRays), run);
+    Train(scene_, {}, SmallMlp(2, kRays), run);
     TrainState state;
     const auto field = ReadCheckpoint(run / "checkpoint.bin", &state);
     state.step = 190;
     WriteCheckpoint(run / "checkpoint.bin", field.get(), state);
-    Train(scene_, {}, SmallNerf(kBegin, kRays), run);
+    Train(scene_, {}, SmallMlp(kBegin, kRays), run);
   }
   static void TearDownTestSuite() { delete dir_; }
 
@@ -99,7 +99,7 @@ io::Scene PrunedRun::scene_;
 // N32
 TEST_F(PrunedRun, SameBytesForAnyNumberOfThreads) {
   const auto one = CopyOf(*dir_ / "run", "one"), three = CopyOf(*dir_ / "run", "three");
-  TrainOptions options = SmallNerf(kEnd, kRays);
+  TrainOptions options = SmallMlp(kEnd, kRays);
   for (const auto& [threads, folder] : {std::pair(1, one), {3, three}}) {
     options.threads = threads;
     Train(scene_, {}, options, folder);
@@ -110,9 +110,9 @@ TEST_F(PrunedRun, SameBytesForAnyNumberOfThreads) {
 // N50
 TEST_F(PrunedRun, ResumeContinuesBitForBit) {
   const auto straight = CopyOf(*dir_ / "run", "straight"), cut = CopyOf(*dir_ / "run", "cut");
-  Train(scene_, {}, SmallNerf(kEnd, kRays), straight);
-  Train(scene_, {}, SmallNerf(kCut, kRays), cut);
-  const TrainReport report = Train(scene_, {}, SmallNerf(kEnd, kRays), cut);
+  Train(scene_, {}, SmallMlp(kEnd, kRays), straight);
+  Train(scene_, {}, SmallMlp(kCut, kRays), cut);
+  const TrainReport report = Train(scene_, {}, SmallMlp(kEnd, kRays), cut);
   ASSERT_FALSE(report.events.empty());
   EXPECT_EQ(report.events[0], "resumed at step 213");
   ExpectSameState(straight, cut);
@@ -142,9 +142,9 @@ TEST(MlpTraining, TheReportsOptionsTrainAndRender) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 6, 0, kStratifiedFar);
   TrainOptions options = ReportTrainOptions();
-  EXPECT_EQ(options.field.nerf.quadrature.n_samples, 192);
-  options.field.nerf.quadrature.n_samples = 16;
-  options.nerf.rays = 32;
+  EXPECT_EQ(options.field.mlp.quadrature.n_samples, 192);
+  options.field.mlp.quadrature.n_samples = 16;
+  options.mlp.rays = 32;
   options.steps = 12;
   options.threads = 2;
   const TrainReport report = Train(scene, {}, options, dir.path());

@@ -24,18 +24,18 @@ inline io::Scene SmallBall(const std::filesystem::path& folder, int n_views, dou
 }
 inline constexpr double kPrunedFar = 15, kStratifiedFar = 5;
 
-inline nerf::TrainOptions SmallNerf(int steps, int rays, const nerf::QuadratureOptions& quadrature = {}) {
+inline nerf::TrainOptions SmallMlp(int steps, int rays, const nerf::QuadratureOptions& quadrature = {}) {
   nerf::TrainOptions options;
   options.steps = steps;
   options.threads = 2;
   options.learning_rate = 1e-3;
-  options.field.field = "nerf";
+  options.field.kind = nerf::FieldKind::kMlp;
   options.field.grid_resolution = 64;
-  options.field.nerf.quadrature = quadrature;
-  options.nerf.rays = rays;
-  options.nerf.samples_per_step = 1024;
-  options.nerf.learning_rate_warm_up = 0;
-  options.nerf.learning_rate_final = 1;  // a rate that does not depend on `steps`, so that runs can be cut
+  options.field.mlp.quadrature = quadrature;
+  options.mlp.rays = rays;
+  options.mlp.samples_per_step = 1024;
+  options.mlp.learning_rate_warm_up = 0;
+  options.mlp.learning_rate_final = 1;  // a rate that does not depend on `steps`, so that runs can be cut
   return options;
 }
 
