@@ -49,70 +49,79 @@ std::vector<PixelRun> UsedRuns(const std::vector<View>& views, const std::vector
   return runs;
 }
 
+io::Image ReadPicture(const io::Frame& frame, const io::Camera& camera) {
+  io::Image image = io::ReadImage(frame.image_path);
+  if (image.width != camera.width || image.height != camera.height) {
+    throw Error(ExitCode::kBadInput,
+                fmt::format("{}: is {}x{}, its camera {}x{}",
+                            frame.image_path.string(),
+                            image.width,
+                            image.height,
+                            camera.width,
+                            camera.height));
+  }
+  return image;
+}
+
+bool HasAlpha(const std::vector<io::Image>& images) {
+  for (const io::Image& image : images) {
+    for (std::size_t p = 3; image.channels == 4 && p < image.data.size(); p += 4) {
+      if (image.data[p] != 255) return true;
+    }
+  }
+  return false;
+}
+
+// Copies a picture to its place in dataset->pixels. Pixels that are not used become opaque.
+void CopyPicture(const io::Image& image, const io::Mask& mask, std::size_t first_pixel, Dataset* dataset) {
+  const auto channels = static_cast<std::size_t>(dataset->channels),
+             source_channels = static_cast<std::size_t>(image.channels);
+  std::uint8_t* pixels = &dataset->pixels[first_pixel * channels];
+  if (source_channels == channels) {
+    std::copy(image.data.begin(), image.data.end(), pixels);
+  } else {
+    for (std::size_t p = 0; p < image.data.size() / source_channels; ++p)
+      std::copy_n(&image.data[p * source_channels], channels, pixels + p * channels);
+  }
+  for (std::size_t p = 0; channels == 4 && p < mask.used.size(); ++p) {
+    if (!mask.Uses(p)) pixels[p * channels + 3] = 255;
+  }
+}
+
 }  // namespace
 
 Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
   const std::size_t n = scene.frames.size();
   if (n == 0) throw Error(ExitCode::kBadInput, "the scene has no pictures");
+  const auto camera_of = [&](const io::Frame& frame) -> const io::Camera& {
+    return scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+  };
   std::vector<io::Image> images(n);
   std::vector<io::Mask> masks(n);
-  io::Workers(threads).Run(static_cast<int>(n), [&](int i, int) {
-    const io::Frame& frame = scene.frames[static_cast<std::size_t>(i)];
-    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-    io::Image image = io::ReadImage(frame.image_path);
-    if (image.width != camera.width || image.height != camera.height) {
-      throw Error(ExitCode::kBadInput,
-                  fmt::format("{}: is {}x{}, its camera {}x{}",
-                              frame.image_path.string(),
-                              image.width,
-                              image.height,
-                              camera.width,
-                              camera.height));
-    }
-    images[static_cast<std::size_t>(i)] = std::move(image);
-    if (frame.mask_path.empty()) return;
-    masks[static_cast<std::size_t>(i)] = io::ReadMask(frame.mask_path, camera.width, camera.height);
-  });
-  bool has_alpha = false;
-  for (const io::Image& image : images) {
-    for (std::size_t p = 3; image.channels == 4 && !has_alpha && p < image.data.size(); p += 4)
-      has_alpha = image.data[p] != 255;
-  }
-  Dataset dataset;
-  dataset.channels = has_alpha ? 4 : 3;
-  const auto channels = static_cast<std::size_t>(dataset.channels);
-  std::size_t total = 0;
-  for (const io::Image& image : images)
-    total += static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
-  dataset.pixels.resize(total * channels);
-  std::size_t first_pixel = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const io::Image& image = images[i];
+  io::Workers(threads).Run(static_cast<int>(n), [&](int index, int) {
+    const auto i = static_cast<std::size_t>(index);
     const io::Frame& frame = scene.frames[i];
-    if (has_alpha && image.channels != 4) {
+    const io::Camera& camera = camera_of(frame);
+    images[i] = ReadPicture(frame, camera);
+    if (!frame.mask_path.empty()) masks[i] = io::ReadMask(frame.mask_path, camera.width, camera.height);
+  });
+  Dataset dataset;
+  dataset.channels = HasAlpha(images) ? 4 : 3;
+  std::size_t n_pixels = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const io::Frame& frame = scene.frames[i];
+    if (dataset.channels == 4 && images[i].channels != 4) {
       throw Error(ExitCode::kBadInput,
                   frame.image_path.string() + ": has no alpha channel while other pictures do");
     }
+    const RayCamera camera(camera_of(frame), frame.world_from_cam, pixel_offset);
     dataset.views.push_back(
-        {frame.image_path.stem().string(),
-         RayCamera(
-             scene.cameras[static_cast<std::size_t>(frame.camera_index)], frame.world_from_cam, pixel_offset),
-         image.width,
-         image.height,
-         first_pixel});
-    first_pixel += static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
-    const auto source_channels = static_cast<std::size_t>(image.channels);
-    const std::size_t n_pixels = image.data.size() / source_channels;
-    std::uint8_t* pixels = &dataset.pixels[dataset.views[i].first_pixel * channels];
-    if (source_channels == channels) {
-      std::copy(image.data.begin(), image.data.end(), pixels);
-    } else {
-      for (std::size_t p = 0; p < n_pixels; ++p)
-        std::copy_n(&image.data[p * source_channels], channels, pixels + p * channels);
-    }
-    for (std::size_t p = 0; has_alpha && p < masks[i].used.size(); ++p) {
-      if (!masks[i].Uses(p)) dataset.pixels[(dataset.views[i].first_pixel + p) * channels + 3] = 255;
-    }
+        {frame.image_path.stem().string(), camera, images[i].width, images[i].height, n_pixels});
+    n_pixels += static_cast<std::size_t>(images[i].width) * static_cast<std::size_t>(images[i].height);
+  }
+  dataset.pixels.resize(n_pixels * static_cast<std::size_t>(dataset.channels));
+  for (std::size_t i = 0; i < n; ++i) {
+    CopyPicture(images[i], masks[i], dataset.views[i].first_pixel, &dataset);
     images[i] = {};
   }
   dataset.runs = PixelRuns(UsedRuns(dataset.views, masks));

@@ -11,13 +11,13 @@ namespace {
 // longer side of the picture when the camera is inside the cube, or too near to tell.
 int ReachInPixels(const io::Camera& camera,
                   const Eigen::Vector3d& position,
-                  const SceneContraction& map,
+                  const SceneContraction& contraction,
                   int cells) {
   const double half_x = 0.5 * camera.width / camera.fl_x, half_y = 0.5 * camera.height / camera.fl_y;
   const double slant = std::sqrt(1 + half_x * half_x + half_y * half_y);  // distance / depth, at the corners
-  const double radius = 0.5 * std::sqrt(3.0) * map.InnerSide() / cells;
-  const Eigen::Vector3d centre(map.centre[0], map.centre[1], map.centre[2]);
-  const double nearest = (position - centre).norm() - std::sqrt(3.0) * map.half;
+  const double radius = 0.5 * std::sqrt(3.0) * contraction.InnerSide() / cells;
+  const Eigen::Vector3d centre(contraction.centre[0], contraction.centre[1], contraction.centre[2]);
+  const double nearest = (position - centre).norm() - std::sqrt(3.0) * contraction.half;
   const double depth = nearest / slant - radius;
   const int all = std::max(camera.width, camera.height);
   if (depth <= radius) return all;
@@ -79,7 +79,7 @@ std::vector<std::uint8_t> NearHull(const Dataset& dataset, const View& view, int
 }  // namespace
 
 void DropPixelsBesideHull(const io::Scene& scene,
-                          const SceneContraction& map,
+                          const SceneContraction& contraction,
                           int grid_resolution,
                           io::Workers* workers,
                           Dataset* dataset) {
@@ -88,7 +88,7 @@ void DropPixelsBesideHull(const io::Scene& scene,
   workers->Run(static_cast<int>(keep.size()), [&](int i, int) {
     const io::Frame& frame = scene.frames[static_cast<std::size_t>(i)];
     const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-    const int reach = ReachInPixels(camera, frame.world_from_cam.translation, map, grid_resolution);
+    const int reach = ReachInPixels(camera, frame.world_from_cam.translation, contraction, grid_resolution);
     keep[static_cast<std::size_t>(i)] =
         NearHull(*dataset, dataset->views[static_cast<std::size_t>(i)], reach);
   });

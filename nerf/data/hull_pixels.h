@@ -11,7 +11,7 @@ namespace nerf {
 // have no samples and so no gradient. A pixel is left out when it is transparent and so is all around it, as
 // far as two cells can reach in that view. On Lego that is half of the pixels.
 void DropPixelsBesideHull(const io::Scene& scene,
-                          const SceneContraction& map,
+                          const SceneContraction& contraction,
                           int grid_resolution,
                           io::Workers* workers,
                           Dataset* dataset);

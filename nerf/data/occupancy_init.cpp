@@ -115,18 +115,18 @@ class AlphaCount {
 };
 
 void CellPointsOf(const OccupancyGrid& grid,
-                  const SceneContraction& map,
+                  const SceneContraction& contraction,
                   std::uint32_t cell,
                   CellPoints* points) {
   const std::array<float, 3> unit = grid.CellCentre(cell);
   const float half = 0.5f / static_cast<float>(grid.resolution());
-  map.FromUnit(unit.data(), (*points)[8].data());
+  contraction.FromUnit(unit.data(), (*points)[8].data());
   for (std::size_t corner = 0; corner < 8; ++corner) {
     float at[3];
     // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them
     // finite.
     for (std::size_t i = 0; i < 3; ++i) at[i] = unit[i] + (corner >> i & 1 ? 0.99f : -0.99f) * half;
-    map.FromUnit(at, (*points)[corner].data());
+    contraction.FromUnit(at, (*points)[corner].data());
   }
 }
 
@@ -137,9 +137,9 @@ class HullCarver {
  public:
   HullCarver(const std::vector<Projector>& projectors,
              const std::vector<std::unique_ptr<AlphaCount>>& counts,
-             const SceneContraction& map,
+             const SceneContraction& contraction,
              OccupancyGrid* grid)
-      : projectors_(projectors), counts_(counts), map_(map), grid_(grid) {}
+      : projectors_(projectors), counts_(counts), contraction_(contraction), grid_(grid) {}
 
   // Marks the cells of the block with the given first cell and side, and widens the box around the
   // candidates. views: those that do not see all of it on opaque pixels.
@@ -194,8 +194,9 @@ class HullCarver {
     Eigen::Vector3f centre;
     for (std::size_t i = 0; i < 3; ++i)
       unit[i] = (static_cast<float>(first[i]) + 0.5f * static_cast<float>(side)) * cell_size;
-    map_.FromUnit(unit, centre.data());
-    const float radius = 0.5f * std::sqrt(3.f) * static_cast<float>(side) * cell_size * map_.InnerSide();
+    contraction_.FromUnit(unit, centre.data());
+    const float radius =
+        0.5f * std::sqrt(3.f) * static_cast<float>(side) * cell_size * contraction_.InnerSide();
     for (const std::size_t v : views) {
       Eigen::Vector2f at;
       float depth, radius_px;
@@ -212,7 +213,7 @@ class HullCarver {
 
   const std::vector<Projector>& projectors_;
   const std::vector<std::unique_ptr<AlphaCount>>& counts_;
-  const SceneContraction& map_;
+  const SceneContraction& contraction_;
   OccupancyGrid* grid_;
 };
 
@@ -220,11 +221,11 @@ class HullCarver {
 
 std::array<float, 6> CarveByMasks(const io::Scene& scene,
                                   const Dataset& dataset,
-                                  const SceneContraction& map,
+                                  const SceneContraction& contraction,
                                   io::Workers* workers,
                                   OccupancyGrid* grid) {
   PIPELINE_CHECK_EQ(dataset.channels, 4);
-  PIPELINE_CHECK(!map.unbounded);  // blocks of a contracted cube have no common radius
+  PIPELINE_CHECK(!contraction.unbounded);  // blocks of a contracted cube have no common radius
   const std::size_t n_views = dataset.views.size();
   std::vector<Projector> projectors;
   std::vector<std::unique_ptr<AlphaCount>> counts(n_views);
@@ -233,7 +234,7 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
     counts[static_cast<std::size_t>(i)] =
         std::make_unique<AlphaCount>(dataset, dataset.views[static_cast<std::size_t>(i)]);
   });
-  const HullCarver carver(projectors, counts, map, grid);
+  const HullCarver carver(projectors, counts, contraction, grid);
   constexpr int kBlock = 16;  // side of the first blocks; the resolution is a multiple of 64
   const int per_axis = grid->resolution() / kBlock;
   std::vector<std::size_t> all(n_views);
@@ -256,7 +257,7 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
 
 void CarveByFrusta(const io::Scene& scene,
                    const Dataset& dataset,
-                   const SceneContraction& map,
+                   const SceneContraction& contraction,
                    double near,
                    io::Workers* workers,
                    OccupancyGrid* grid) {
@@ -270,7 +271,7 @@ void CarveByFrusta(const io::Scene& scene,
          cell < static_cast<std::uint32_t>(slab + 1) * cells;
          ++cell) {
       CellPoints points;
-      CellPointsOf(*grid, map, cell, &points);
+      CellPointsOf(*grid, contraction, cell, &points);
       int seen = 0;
       bool seen_through = false;
       for (std::size_t v = 0; v < projectors.size() && !seen_through; ++v) {

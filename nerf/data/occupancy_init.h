@@ -12,7 +12,7 @@ namespace nerf {
 // Returns the smallest box, in unit coordinates, that holds all other cells: min x, y, z, max x, y, z.
 std::array<float, 6> CarveByMasks(const io::Scene& scene,
                                   const Dataset& dataset,
-                                  const SceneContraction& map,
+                                  const SceneContraction& contraction,
                                   io::Workers* workers,
                                   OccupancyGrid* grid);
 
@@ -22,7 +22,7 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
 // pixels: elsewhere training never meets the density that a cell starts with, which would stay as fog.
 void CarveByFrusta(const io::Scene& scene,
                    const Dataset& dataset,
-                   const SceneContraction& map,
+                   const SceneContraction& contraction,
                    double near,
                    io::Workers* workers,
                    OccupancyGrid* grid);

@@ -104,14 +104,14 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
 }  // namespace
 
 void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state) {
-  const SceneContraction& map = scene_field->map;
+  const SceneContraction& contraction = scene_field->contraction;
   const SamplerOptions& sampling = scene_field->sampler_options;
   Json header;
-  header["map"] = {{"x", map.centre[0]},
-                   {"y", map.centre[1]},
-                   {"z", map.centre[2]},
-                   {"half", map.half},
-                   {"unbounded", map.unbounded ? 1 : 0}};
+  header["map"] = {{"x", contraction.centre[0]},
+                   {"y", contraction.centre[1]},
+                   {"z", contraction.centre[2]},
+                   {"half", contraction.half},
+                   {"unbounded", contraction.unbounded ? 1 : 0}};
   header["sampling"] = {{"near", sampling.near},
                         {"far", sampling.far},
                         {"step_size", sampling.step_size},
@@ -121,7 +121,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
   header["config"] = scene_field->field->Config();
   if (const auto& background = scene_field->background)
     header["background"] = {{"r", (*background)[0]}, {"g", (*background)[1]}, {"b", (*background)[2]}};
-  header["pixel_rays"] = scene_field->pixel_rays;
+  header["pixel_rays"] = scene_field->samples_per_pixel;
   header["grid_resolution"] = scene_field->grid.resolution();
   header["state"] = {{"seed", state.seed},
                      {"step", state.step},
@@ -157,11 +157,11 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   Json header = ParseHeader(path, file, &at);
   const Json &m = header["map"], &s = header["sampling"], &t = header["state"];
   constexpr float kHuge = 1e30f;
-  SceneContraction map;
-  map.centre = {
+  SceneContraction contraction;
+  contraction.centre = {
       Get(path, m, "x", -kHuge, kHuge), Get(path, m, "y", -kHuge, kHuge), Get(path, m, "z", -kHuge, kHuge)};
-  map.half = Get(path, m, "half", 1e-30f, kHuge);
-  map.unbounded = Get(path, m, "unbounded", 0, 1) == 1;
+  contraction.half = Get(path, m, "half", 1e-30f, kHuge);
+  contraction.unbounded = Get(path, m, "unbounded", 0, 1) == 1;
   const SamplerOptions sampling{.near = Get(path, s, "near", 0.f, kHuge),
                                 .far = Get(path, s, "far", 0.f, kHuge),
                                 .step_size = Get(path, s, "step_size", 1e-30f, kHuge),
@@ -179,10 +179,12 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->squared_error = Get(path, t, "squared_error", -1.0, 1e12);
   state->channels = Get(path, t, "channels", 3, 4);
 
-  auto scene_field = std::make_unique<SceneField>(map, sampling, MakeField(path, header), grid_resolution);
-  const int pixel_rays = Get(path, header, "pixel_rays", 1, 16);
-  if (!IsPixelRays(pixel_rays)) Reject(path, "header value of pixel_rays is not a square number");
-  scene_field->pixel_rays = pixel_rays;
+  auto scene_field =
+      std::make_unique<SceneField>(contraction, sampling, MakeField(path, header), grid_resolution);
+  const int samples_per_pixel = Get(path, header, "pixel_rays", 1, 16);
+  if (!IsSamplesPerPixel(samples_per_pixel))
+    Reject(path, "header value of samples_per_pixel is not a square number");
+  scene_field->samples_per_pixel = samples_per_pixel;
   if (const auto it = header.find("background"); it != header.end()) {
     scene_field->background = {
         Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};

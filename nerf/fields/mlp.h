@@ -7,7 +7,7 @@
 //
 // With codes of 63 and 27 values (encoding 10/4 with the identity) these are 593,408 multiply-adds per
 // sample. Weights are one array owned by the caller: per layer W [outputs][inputs], then the biases
-// [outputs]. Implementations: LibTorch (torch_mlp.cpp), and a plain twin in double in the tests.
+// [outputs]. Implementations: LibTorch (torch_mlp.cpp), and a plain reference in double in the tests.
 #pragma once
 
 #include <cstdint>

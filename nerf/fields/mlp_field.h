@@ -17,8 +17,8 @@ namespace nerf {
 struct MlpFieldOptions {
   EncodingOptions position = {.frequencies = 10};
   EncodingOptions direction = {.frequencies = 4, .times_pi = false};
-  // Positions are encoded in the cube of the scene's map, which fills [-1, 1] (contracted space: [-2, 2]), or
-  // in scene units.
+  // Positions are encoded in the cube of the scene's contraction, which fills [-1, 1] (contracted space: [-2,
+  // 2]), or in scene units.
   bool scene_units = false;
   DensityActivation density = DensityActivation::kSoftplus;
   Initialisation initialisation = Initialisation::kXavier;

@@ -20,22 +20,22 @@ namespace nerf {
 inline constexpr std::array<float, 3> kUnseenGrey = {0.5f, 0.5f, 0.5f};
 
 struct SceneField {
-  SceneField(const SceneContraction& space_map,
+  SceneField(const SceneContraction& space,
              const SamplerOptions& sampling,
              std::unique_ptr<RadianceField> radiance_field,
              int grid_resolution)
-      : map(space_map),
+      : contraction(space),
         sampler_options(sampling),
         field(std::move(radiance_field)),
-        grid(grid_resolution, map) {}
-  SceneField(const SceneField&) = delete;  // the grid's map must stay the one above
+        grid(grid_resolution, contraction) {}
+  SceneField(const SceneField&) = delete;  // the grid's contraction must stay the one above
 
-  SceneContraction map;
+  SceneContraction contraction;
   SamplerOptions sampler_options;
   std::unique_ptr<RadianceField> field;
   OccupancyGrid grid;
   // Rays per pixel, a square: a pixel is the mean of rays through the cells of a square lattice on it.
-  int pixel_rays = 1;
+  int samples_per_pixel = 1;
   // Of opaque pictures that share one (plain_background.h), sRGB in [0, 1].
   std::optional<std::array<float, 3>> background;
 };

@@ -1,4 +1,4 @@
-// The plain twins of the optimisers' kernels.
+// The plain references of the optimisers' kernels.
 #pragma once
 
 #include <algorithm>

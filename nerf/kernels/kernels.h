@@ -1,6 +1,6 @@
 // The inner loops of the `hash` field, as plain functions on raw arrays, in four builds of one source
-// (portable, AVX2, AVX-512, AVX-512 with bfloat16) chosen at run time. Every function has a plain twin in a
-// *reference.h beside this file that tests compare it with.
+// (portable, AVX2, AVX-512, AVX-512 with bfloat16) chosen at run time. Every function has a plain reference
+// in a *reference.h beside this file that tests compare it with.
 //
 // Layout: matrices are row-major with one row per sample. Widths (k, m) are multiples of 16 unless stated;
 // arrays need no particular alignment; the caller owns all memory; in- and outputs do not overlap.

@@ -1,4 +1,4 @@
-// The plain twin of the march kernel: one ray, templated on the scalar.
+// The plain reference of the march kernel: one ray, templated on the scalar.
 #pragma once
 
 #include <algorithm>

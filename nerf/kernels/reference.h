@@ -1,5 +1,5 @@
-// The plain twin of every kernel in kernels.h: the shortest correct loops, templated on the scalar (double:
-// the oracle of the tests). Layouts and meanings are those of kernels.h.
+// The plain reference of every kernel in kernels.h: the shortest correct loops, templated on the scalar
+// (double: the oracle of the tests). Layouts and meanings are those of kernels.h.
 #pragma once
 
 #include <algorithm>

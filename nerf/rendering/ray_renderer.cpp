@@ -101,16 +101,16 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
 
 void RenderPruned(const SceneField& scene_field,
                   std::span<const Ray> rays,
-                  int pixel_rays,
+                  int samples_per_pixel,
                   float step_scale,
                   Scratch* scratch,
                   RenderedRay* out) {
-  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
+  const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
   scratch->active.clear();
   for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
     RayState state{.index = i, .t = 0, .t_last = 0};
     sampler.Range(rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
-    const float share = static_cast<float>(i % pixel_rays) / static_cast<float>(pixel_rays);
+    const float share = static_cast<float>(i % samples_per_pixel) / static_cast<float>(samples_per_pixel);
     state.t += share * sampler.Delta(step_scale, state.t);
     out[i] = {{0, 0, 0}, 1, 0};
     scratch->active.push_back(state);
@@ -156,7 +156,7 @@ void QueryBins(const SceneField& scene_field,
                int pass,
                Scratch* scratch) {
   const SamplerOptions& range = scene_field.sampler_options;
-  const Sampler sampler(range, scene_field.map, scene_field.grid);
+  const Sampler sampler(range, scene_field.contraction, scene_field.grid);
   const bool open_end = scene_field.field->quadrature().open_end;
   scratch->samples.clear();
   scratch->ray_of.clear();
@@ -201,13 +201,13 @@ void RenderStratified(const SceneField& scene_field,
 
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
-                                    int pixel_rays,
+                                    int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
   const bool stratified = scene_field.field->quadrature().n_samples > 0;
-  const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / pixel_rays * pixel_rays;
+  const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / samples_per_pixel * samples_per_pixel;
   const int n_tasks = (static_cast<int>(rays.size()) + per_task - 1) / per_task;
   workers->Run(n_tasks, [&](int task, int thread) {
     const std::size_t first = static_cast<std::size_t>(task) * static_cast<std::size_t>(per_task);
@@ -217,7 +217,7 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
     if (stratified) {
       RenderStratified(scene_field, mine, own, &out[first]);
     } else {
-      RenderPruned(scene_field, mine, pixel_rays, step_scale, own, &out[first]);
+      RenderPruned(scene_field, mine, samples_per_pixel, step_scale, own, &out[first]);
     }
   });
   return out;
@@ -225,17 +225,18 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
 
 std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       std::span<const CameraPixel> pixels,
-                                      int pixel_rays,
+                                      int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers) {
-  const auto n = static_cast<std::size_t>(pixel_rays);
+  const auto n = static_cast<std::size_t>(samples_per_pixel);
   std::vector<Ray> rays(pixels.size() * n);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const CameraPixel& pixel = pixels[i / n];
-    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), pixel_rays);
+    const PixelCell cell = CellOfPixel(static_cast<int>(i % n), samples_per_pixel);
     rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
   }
-  const std::vector<RenderedRay> rendered = RenderRays(scene_field, rays, pixel_rays, step_scale, workers);
+  const std::vector<RenderedRay> rendered =
+      RenderRays(scene_field, rays, samples_per_pixel, step_scale, workers);
   const float share = 1.f / static_cast<float>(n);
   std::vector<RenderedRay> means(pixels.size());
   for (std::size_t i = 0; i < rendered.size(); ++i) {

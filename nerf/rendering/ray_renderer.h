@@ -25,20 +25,20 @@ struct CameraPixel {
 };
 
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
-// pixel_rays rays of a pixel follow one another; along the occupancy grid their first intervals are staggered
-// evenly, so that their mean sees the surface at as many depths. Results do not depend on the number of
-// workers.
+// samples_per_pixel rays of a pixel follow one another; along the occupancy grid their first intervals are
+// staggered evenly, so that their mean sees the surface at as many depths. Results do not depend on the
+// number of workers.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
-                                    int pixel_rays,
+                                    int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers);
 
-// Means over pixel_rays rays of each pixel, a square number, through the centres of its cells. Their number
-// in training, scene_field.pixel_rays, serves best.
+// Means over samples_per_pixel rays of each pixel, a square number, through the centres of its cells. Their
+// number in training, scene_field.samples_per_pixel, serves best.
 std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       std::span<const CameraPixel> pixels,
-                                      int pixel_rays,
+                                      int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers);
 

@@ -21,15 +21,19 @@ class CheckpointTrainedField : public TrainedField {
     const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
     io::Workers workers(options.threads);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
-    const int pixel_rays = options.pixel_rays > 0 ? options.pixel_rays : scene_field_->pixel_rays;
-    const float step_scale = options.step_scale > 0 ? options.step_scale : pixel_rays > 1 ? 0.7f : 0.5f;
+    const int samples_per_pixel =
+        options.samples_per_pixel > 0 ? options.samples_per_pixel : scene_field_->samples_per_pixel;
+    const float step_scale = options.step_scale > 0  ? options.step_scale
+                             : samples_per_pixel > 1 ? 0.7f
+                                                     : 0.5f;
     const std::array<float, 3> background =
         scene_field_->background.value_or(state_.channels == 4 ? options.background : kUnseenGrey);
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
       if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
-      for (const RenderedRay& ray : RenderPixels(*scene_field_, band, pixel_rays, step_scale, &workers)) {
+      for (const RenderedRay& ray :
+           RenderPixels(*scene_field_, band, samples_per_pixel, step_scale, &workers)) {
         for (std::size_t j = 0; j < 3; ++j) {
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }

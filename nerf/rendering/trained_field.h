@@ -17,7 +17,7 @@ struct RenderOptions {
   // pixel, 0.7 with several, which share the work of finding the surface.
   float step_scale = 0;
   // Rays per pixel: 1, 4, 9, 16, or 0: as the field was trained. Fewer are faster, and jagged.
-  int pixel_rays = 0;
+  int samples_per_pixel = 0;
   // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
   // background is free. Others show their own, plain or learned.
   std::array<float, 3> background = {1, 1, 1};

@@ -35,8 +35,8 @@ void Dilate(int resolution, std::vector<Word>* bits, std::vector<Word>* scratch)
 
 }  // namespace
 
-OccupancyGrid::OccupancyGrid(int resolution, const SceneContraction& map)
-    : resolution_(resolution), map_(map) {
+OccupancyGrid::OccupancyGrid(int resolution, const SceneContraction& contraction)
+    : resolution_(resolution), contraction_(contraction) {
   PIPELINE_CHECK_EQ(resolution % 64, 0);
   const std::size_t n = static_cast<std::size_t>(resolution);
   density_.assign(n * n * n, 0.f);
@@ -79,8 +79,8 @@ std::vector<std::uint32_t> OccupancyGrid::Candidates() const {
 }
 
 float OccupancyGrid::Threshold(std::uint32_t cell) const {
-  float size = map_.InnerSide() / static_cast<float>(resolution_);
-  if (map_.unbounded) {
+  float size = contraction_.InnerSide() / static_cast<float>(resolution_);
+  if (contraction_.unbounded) {
     // Contracted reach c = 2 - 1/m outside the inner cube; a cell there is m^2 = 1 / (2 - c)^2 times as deep.
     const std::array<float, 3> centre = CellCentre(cell);
     float c = 0;

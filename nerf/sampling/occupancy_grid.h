@@ -25,7 +25,7 @@ class OccupancyGrid {
 
   OccupancyGrid() = default;
   // resolution: cells per axis, a multiple of 64.
-  OccupancyGrid(int resolution, const SceneContraction& map);
+  OccupancyGrid(int resolution, const SceneContraction& contraction);
 
   int resolution() const { return resolution_; }
   std::size_t n_cells() const { return density_.size(); }
@@ -88,7 +88,7 @@ class OccupancyGrid {
   static constexpr std::uint32_t kBlock = 4;  // side of a block, whose cells fill a word of 64 bits
 
   int resolution_ = 0;
-  SceneContraction map_;
+  SceneContraction contraction_;
   std::vector<float> density_;
   std::vector<std::uint8_t> distance_;
   // Per block: the least distance of its cells, 0 where one is occupied, and a bit for each that is.

@@ -32,6 +32,6 @@ struct PixelCell {
 };
 PixelCell CellOfPixel(int index, int n_cells);
 // Whether a pixel can be cut into so many cells: 1, 4, 9 or 16.
-inline bool IsPixelRays(int n) { return n == 1 || n == 4 || n == 9 || n == 16; }
+inline bool IsSamplesPerPixel(int n) { return n == 1 || n == 4 || n == 9 || n == 16; }
 
 }  // namespace nerf

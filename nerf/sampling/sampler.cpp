@@ -19,23 +19,25 @@ constexpr std::size_t kGapChunk = 4;
 void Sampler::Range(const Ray& ray, float* t_first, float* t_last) const {
   *t_first = options_.near;
   *t_last = options_.far;
-  if (map_.unbounded) return;
+  if (contraction_.unbounded) return;
   for (std::size_t i = 0; i < 3; ++i) {
-    const float offset = ray.origin[i] - map_.centre[i];
+    const float offset = ray.origin[i] - contraction_.centre[i];
     if (std::fabs(ray.direction[i]) < kParallel) {
-      if (std::fabs(offset) > map_.half) *t_last = *t_first;
+      if (std::fabs(offset) > contraction_.half) *t_last = *t_first;
       continue;
     }
-    const float a = (-map_.half - offset) / ray.direction[i], b = (map_.half - offset) / ray.direction[i];
+    const float a = (-contraction_.half - offset) / ray.direction[i],
+                b = (contraction_.half - offset) / ray.direction[i];
     *t_first = std::max(*t_first, std::min(a, b));
     *t_last = std::min(*t_last, std::max(a, b));
   }
 }
 
 void Sampler::AddRay(const Ray& ray, float t, float t_last, MarchingRays* rays) const {
-  const float scale = 1.f / (map_.unbounded ? map_.half : map_.InnerSide());
+  const float scale = 1.f / (contraction_.unbounded ? contraction_.half : contraction_.InnerSide());
   for (std::size_t i = 0; i < 3; ++i) {
-    rays->start[i].push_back((ray.origin[i] - map_.centre[i]) * scale + (map_.unbounded ? 0.f : 0.5f));
+    rays->start[i].push_back((ray.origin[i] - contraction_.centre[i]) * scale +
+                             (contraction_.unbounded ? 0.f : 0.5f));
     rays->slope[i].push_back(ray.direction[i] * scale);
   }
   rays->t.push_back(t);
@@ -47,13 +49,13 @@ void Sampler::March(float step_scale, int max_samples, MarchingRays* rays, Sampl
   const auto first = static_cast<std::size_t>(samples->size());
   rays->count.resize(n);
   samples->resize(first + n * most + kGapChunk);
-  kernels::MarchPaths paths{.t_last = rays->t_last.data(), .contracted = map_.unbounded};
+  kernels::MarchPaths paths{.t_last = rays->t_last.data(), .contracted = contraction_.unbounded};
   for (int i = 0; i < 3; ++i) paths.start[i] = rays->start[i].data(), paths.slope[i] = rays->slope[i].data();
   kernels::ActiveKernels().march(grid_.Blocks(),
                                  paths,
                                  {step_scale * options_.step_size,
                                   step_scale * options_.cone_angle,
-                                  map_.InnerSide() / static_cast<float>(grid_.resolution())},
+                                  contraction_.InnerSide() / static_cast<float>(grid_.resolution())},
                                  rays->size(),
                                  max_samples,
                                  rays->t.data(),
@@ -89,12 +91,12 @@ void Sampler::Place(const Ray& ray,
   for (std::size_t i = 0; i < t.size(); ++i) {
     float x[3], unit[3];
     for (int j = 0; j < 3; ++j) x[j] = ray.origin[j] + t[i] * ray.direction[j];
-    map_.ToUnit(x, unit);
+    contraction_.ToUnit(x, unit);
     const std::uint32_t cell = grid_.CellAt(unit);
     // Outside a bounded cube positions go on in its coordinates: clamped to a face they would share its
     // density.
-    for (int j = 0; j < 3 && !map_.unbounded; ++j)
-      unit[j] = (x[j] - map_.centre[static_cast<std::size_t>(j)]) / map_.half * 0.5f + 0.5f;
+    for (int j = 0; j < 3 && !contraction_.unbounded; ++j)
+      unit[j] = (x[j] - contraction_.centre[static_cast<std::size_t>(j)]) / contraction_.half * 0.5f + 0.5f;
     const float* at = options_.scene_units ? x : unit;
     samples->x.push_back(at[0]);
     samples->y.push_back(at[1]);

@@ -49,8 +49,8 @@ struct MarchingRays {
 
 class Sampler {
  public:
-  Sampler(const SamplerOptions& options, const SceneContraction& map, const OccupancyGrid& grid)
-      : options_(options), map_(map), grid_(grid) {}
+  Sampler(const SamplerOptions& options, const SceneContraction& contraction, const OccupancyGrid& grid)
+      : options_(options), contraction_(contraction), grid_(grid) {}
   const SamplerOptions& options() const { return options_; }
 
   // First and last distance at which the ray can have samples; first >= last when it misses the scene.
@@ -75,7 +75,7 @@ class Sampler {
 
  private:
   SamplerOptions options_;
-  const SceneContraction& map_;
+  const SceneContraction& contraction_;
   const OccupancyGrid& grid_;
 };
 

@@ -56,8 +56,7 @@ class HashTraining : public FieldTraining {
 
   StepOutcome Step(double progress, TrainState* state) override;
   std::string Arithmetic() const override {
-    return fmt::format(
-        "{} kernels, {}", kernels::ActiveKernels().name, sizeof(Real) == 2 ? "bf16" : "fp32");
+    return fmt::format("{} kernels, {}", kernels::ActiveKernels().name, sizeof(Real) == 2 ? "bf16" : "fp32");
   }
 
  private:
@@ -79,19 +78,19 @@ class HashTraining : public FieldTraining {
 
 template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  scene_field_->pixel_rays = schedule_.PixelRays(progress);
+  scene_field_->samples_per_pixel = schedule_.SamplesPerPixel(progress);
   BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
-  plan.pixel_rays = scene_field_->pixel_rays;
-  plan.n_rays = std::max(1, state->n_rays / plan.pixel_rays) * plan.pixel_rays;
+  plan.samples_per_pixel = scene_field_->samples_per_pixel;
+  plan.n_rays = std::max(1, state->n_rays / plan.samples_per_pixel) * plan.samples_per_pixel;
   plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
   plan.wave_samples = kWaveSamples;
-  plan.early_stop_depth = scene_field_->map.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
-  if (scene_field_->map.unbounded) {
+  plan.early_stop_depth = scene_field_->contraction.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
+  if (scene_field_->contraction.unbounded) {
     plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
     plan.full_gradient_distance = kFullGradientDistance;
   }
   plan.min_weight = static_cast<float>(options_.min_weight);
-  const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
+  const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
   const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int thread) {
     RunHashShard(context,
@@ -99,7 +98,7 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
                  &scratch_[static_cast<std::size_t>(thread)],
                  &shards_[static_cast<std::size_t>(shard)]);
   });
-  const double n_pixels = static_cast<double>(plan.n_rays) / plan.pixel_rays;
+  const double n_pixels = static_cast<double>(plan.n_rays) / plan.samples_per_pixel;
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
   for (const HashShard<Real>& shard : shards_) {
     outcome.n_samples += shard.samples.visited_cell.size();

@@ -35,7 +35,7 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
 double HeldoutMonitor::Psnr(const SceneField& scene_field, io::Workers* workers) const {
   if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
   const std::vector<RenderedRay> rendered =
-      RenderPixels(scene_field, pixels_, scene_field.pixel_rays, 1.f, workers);
+      RenderPixels(scene_field, pixels_, scene_field.samples_per_pixel, 1.f, workers);
   const std::array<float, 3> background = has_alpha_ ? kWhite : scene_field.background.value_or(kUnseenGrey);
   double sum = 0;
   for (std::size_t i = 0; i < rendered.size(); ++i) {

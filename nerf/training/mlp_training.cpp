@@ -70,7 +70,7 @@ StepOutcome MlpTraining::Step(double progress, TrainState* state) {
   plan.step_scale = static_cast<float>(std::pow(options_.mlp.first_step_scale, 1.0 - share));
   plan.early_stop_depth = kEarlyStopDepth;
   if (options_.mlp.white_background) plan.background = {1, 1, 1};
-  const Sampler sampler(scene_field_->sampler_options, scene_field_->map, scene_field_->grid);
+  const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
   const MlpShardContext context{dataset_, field_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int) {
     RunMlpShard(context, shard, &shards_[static_cast<std::size_t>(shard)]);

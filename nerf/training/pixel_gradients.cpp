@@ -22,7 +22,7 @@ class Compositor {
     float transmittance = 0;
     rows_.transmittances.clear();
     for (int j = 0; j < 3; ++j) colour[j] = 0;
-    for (int ray = first_ray; ray < first_ray + plan_.pixel_rays; ++ray) {
+    for (int ray = first_ray; ray < first_ray + plan_.samples_per_pixel; ++ray) {
       const auto [begin, n] = RowsOf(ray);
       float ray_colour[3];
       rows_.transmittances.push_back(
@@ -36,7 +36,7 @@ class Compositor {
 
   // Fills the gradients of the same rays and adds their distortion to `loss`.
   void Differentiate(int first_ray, const PixelLoss<float>& pixel, ShardLoss* loss) {
-    for (int ray = first_ray; ray < first_ray + plan_.pixel_rays; ++ray) {
+    for (int ray = first_ray; ray < first_ray + plan_.samples_per_pixel; ++ray) {
       const auto [begin, n] = RowsOf(ray);
       if (plan_.distortion > 0) loss->loss += Share() * Distort(ray);
       CompositeGradients(n,
@@ -62,7 +62,7 @@ class Compositor {
   }
 
   // Of one ray in its pixel.
-  float Share() const { return 1.f / static_cast<float>(plan_.pixel_rays); }
+  float Share() const { return 1.f / static_cast<float>(plan_.samples_per_pixel); }
 
   // Weighted distortion of one ray, whose gradients are left in the rows.
   float Distort(int ray) {
@@ -96,7 +96,7 @@ void CompositePixels(const BatchPlan& plan,
                      PixelGradients* rows,
                      ShardLoss* loss) {
   Compositor compositor(plan, samples, chunk, rgb, rows);
-  for (int r = chunk.ray_begin; r < chunk.ray_end; r += plan.pixel_rays) {
+  for (int r = chunk.ray_begin; r < chunk.ray_end; r += plan.samples_per_pixel) {
     const BatchRay& ray = rays[static_cast<std::size_t>(r)];
     float colour[3];
     const float transmittance = compositor.Composite(r, colour);

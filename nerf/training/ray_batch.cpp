@@ -24,8 +24,8 @@ PixelTarget TargetOf(const Dataset& dataset, const BatchPlan& plan, std::size_t 
 
 void DrawRays(
     const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch) {
-  const auto pixel_rays = static_cast<std::uint64_t>(plan.pixel_rays),
-             pixels = static_cast<std::uint64_t>(plan.n_rays) / pixel_rays,
+  const auto samples_per_pixel = static_cast<std::uint64_t>(plan.samples_per_pixel),
+             pixels = static_cast<std::uint64_t>(plan.n_rays) / samples_per_pixel,
              shards = static_cast<std::uint64_t>(plan.n_shards);
   const std::uint64_t first = pixels * static_cast<std::uint64_t>(shard) / shards;
   const std::uint64_t last = pixels * static_cast<std::uint64_t>(shard + 1) / shards;
@@ -44,13 +44,13 @@ void DrawRays(
     auto& [random, pixel] = draws[p];
     const View& view = dataset.ViewOf(pixel);
     const int in_view = static_cast<int>(pixel - view.first_pixel);
-    const float phase = random.Uniform(), share = 1.f / static_cast<float>(plan.pixel_rays);
-    for (int k = 0; k < plan.pixel_rays; ++k) {
-      const PixelCell cell = CellOfPixel(k, plan.pixel_rays);
-      const float u = plan.pixel_rays > 1 ? random.Uniform() : 0.5f,
-                  v = plan.pixel_rays > 1 ? random.Uniform() : 0.5f;
+    const float phase = random.Uniform(), share = 1.f / static_cast<float>(plan.samples_per_pixel);
+    for (int k = 0; k < plan.samples_per_pixel; ++k) {
+      const PixelCell cell = CellOfPixel(k, plan.samples_per_pixel);
+      const float u = plan.samples_per_pixel > 1 ? random.Uniform() : 0.5f,
+                  v = plan.samples_per_pixel > 1 ? random.Uniform() : 0.5f;
       BatchRay ray{
-          .id = (first + p) * pixel_rays + static_cast<std::uint64_t>(k),
+          .id = (first + p) * samples_per_pixel + static_cast<std::uint64_t>(k),
           .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width, cell.Dx(u), cell.Dy(v)),
           .target = targets[p],
       };

@@ -19,9 +19,9 @@ namespace nerf {
 
 struct BatchPlan {
   std::uint64_t seed = 0, step = 0;
-  int n_rays = 0;  // of the whole batch, a multiple of pixel_rays
+  int n_rays = 0;  // of the whole batch, a multiple of samples_per_pixel
   // Rays of a pixel, a square number; they follow one another, random in the cells of a square lattice.
-  int pixel_rays = 1;
+  int samples_per_pixel = 1;
   int n_shards = 16;
   float step_scale = 1;  // of the sampler's intervals
   // On which all pixels must look right; without it, on any (volume_rendering.h).

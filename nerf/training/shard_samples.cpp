@@ -31,10 +31,10 @@ void SortByRay(const RayBatch& batch, KeptSamples* kept, ShardSamples* samples) 
 RayChunk NextChunk(const ShardSamples& samples, const BatchPlan& plan, int ray_begin, int max_samples) {
   const int n_rays = static_cast<int>(samples.ray_first.size()) - 1;
   const std::size_t first = samples.First(ray_begin);
-  int ray_end = ray_begin + plan.pixel_rays;
+  int ray_end = ray_begin + plan.samples_per_pixel;
   while (ray_end < n_rays &&
-         samples.First(ray_end + plan.pixel_rays) - first <= static_cast<std::size_t>(max_samples))
-    ray_end += plan.pixel_rays;
+         samples.First(ray_end + plan.samples_per_pixel) - first <= static_cast<std::size_t>(max_samples))
+    ray_end += plan.samples_per_pixel;
   return {ray_begin, ray_end, first, samples.First(ray_end) - first};
 }
 

@@ -99,7 +99,8 @@ class Trainer {
 
 void Trainer::MakeTraining() {
   if (kind_.drops_idle_pixels && dataset_.channels == 4) {
-    DropPixelsBesideHull(scene_, scene_field_->map, scene_field_->grid.resolution(), &workers_, &dataset_);
+    DropPixelsBesideHull(
+        scene_, scene_field_->contraction, scene_field_->grid.resolution(), &workers_, &dataset_);
   }
   training_ = kind_.make(dataset_, options_, scene_field_.get(), &workers_);
 }
@@ -280,7 +281,7 @@ TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha) {
           ? *options.schedule
           : ScheduleFor(options.steps > 0 ? 1.0 * options.steps * options.samples_per_step
                                           : options.time_s * options.threads * kSamplesPerThreadSecond);
-  if (!has_alpha) schedule.pixel_rays_from = 1;
+  if (!has_alpha) schedule.samples_per_pixel_from = 1;
   if (options.learning_rate > 0) schedule.learning_rate = options.learning_rate;
   if (options.field.log2_hashmap_size > 0) schedule.log2_hashmap_size = options.field.log2_hashmap_size;
   return schedule;

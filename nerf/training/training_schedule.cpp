@@ -18,10 +18,12 @@ double TrainingSchedule::StepScale(double progress) const {
 
 std::string TrainingSchedule::Text() const {
   std::string pixels;
-  if (pixel_rays_from < 1)
-    pixels = fmt::format("; {} rays per pixel from {:.0f} % on", pixel_rays, 100 * pixel_rays_from);
+  if (samples_per_pixel_from < 1)
+    pixels =
+        fmt::format("; {} rays per pixel from {:.0f} % on", samples_per_pixel, 100 * samples_per_pixel_from);
   return fmt::format(
-      "tables of 2^{} entries, finest cells of {:g} pixels; moments per {}; rate {:g} for {:.0f} % of the run, "
+      "tables of 2^{} entries, finest cells of {:g} pixels; moments per {}; rate {:g} for {:.0f} % of the "
+      "run, "
       "then falling to {:g}; intervals {:g} times as long at first, 1 after {:.0f} %{}",
       log2_hashmap_size,
       finest_cell_pixels,
@@ -44,7 +46,7 @@ TrainingSchedule ScheduleFor(double n_samples) {
                 .hold = 0.8,
                 .last_rate = 0.1,
                 .step_scale_share = 0.8,
-                .pixel_rays_from = 1};
+                .samples_per_pixel_from = 1};
   } else if (n_samples > 140e6) {
     schedule.log2_hashmap_size = n_samples < 300e6 ? 18 : 19;
   }

@@ -19,14 +19,14 @@ struct TrainingSchedule {
   double first_step_scale = 6, step_scale_share = 0.5;
   // From this share of the run on, a pixel is the mean of several rays, as in the camera: edges may then be
   // sharper than a pixel. 1: never.
-  int pixel_rays = 4;
-  double pixel_rays_from = 0.7;
+  int samples_per_pixel = 4;
+  double samples_per_pixel_from = 0.7;
 
   // At progress in [0, 1].
   double LearningRate(double progress) const;
   double StepScale(double progress) const;
-  int PixelRays(double progress) const {
-    return pixel_rays_from < 1 && progress >= pixel_rays_from ? pixel_rays : 1;
+  int SamplesPerPixel(double progress) const {
+    return samples_per_pixel_from < 1 && progress >= samples_per_pixel_from ? samples_per_pixel : 1;
   }
   // One line for the record of a run.
   std::string Text() const;

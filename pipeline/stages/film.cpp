@@ -78,7 +78,7 @@ Film RenderFilm(const nerf::TrainedField& field,
   nerf::RenderOptions render_options;
   render_options.step_scale = 1;  // in motion the finer interval is not seen, and it would double the wait
   render_options.threads = options.threads;
-  render_options.pixel_rays = options.pixel_rays;
+  render_options.samples_per_pixel = options.pixel_rays;
   io::Progress progress("render: film");
   std::chrono::duration<double> render_time(0);
   for (int i = 0; i < options.frames; ++i) {

@@ -64,7 +64,7 @@ int RunRender(int argc, const char* const* argv) {
     require(options.frames >= 2 && options.frames <= kMaxFrames, "--frames: must lie in 2 to 216000");
     require(options.fps >= 1 && options.fps <= kMaxFps, "--fps: must lie in 1 to 240");
     require(options.width >= 0 && options.width <= kMaxWidth, "--size: must lie in 0 to 7680");
-    require(options.pixel_rays == 0 || nerf::IsPixelRays(options.pixel_rays),
+    require(options.pixel_rays == 0 || nerf::IsSamplesPerPixel(options.pixel_rays),
             "--pixel-rays: must be 0, 1, 4, 9 or 16");
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);

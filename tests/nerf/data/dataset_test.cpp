@@ -33,7 +33,6 @@ io::Image GradedAlpha() {
   return image;
 }
 
-// N12
 TEST(Dataset, KeepsStraightAlphaByteForByte) {
   const TempDir dir;
   const io::Image image = GradedAlpha();
@@ -43,7 +42,6 @@ TEST(Dataset, KeepsStraightAlphaByteForByte) {
   EXPECT_EQ(dataset.pixels, image.data);
 }
 
-// N12
 TEST(Dataset, DropsAlphaOnlyWhereItIsOpaqueEverywhere) {
   const TempDir dir;
   io::Image opaque = io::MakeImage(8, 4, 4), rgb = io::MakeImage(8, 4, 3);
@@ -64,7 +62,7 @@ TEST(Dataset, DropsAlphaOnlyWhereItIsOpaqueEverywhere) {
                "rgb.png: has no alpha");
 }
 
-// N12: a loader that forgets the background compares with other pictures altogether.
+// A loader that forgets the background compares with other pictures altogether.
 TEST(Dataset, TruthEqualsItsOwnCompositeAndNothingLikeItsColoursAlone) {
   const TempDir dir;
   io::Image image = GradedAlpha();
@@ -165,9 +163,9 @@ TEST(Dataset, MasksThatDoNotFitAreNamed) {
 TEST(DrawRays, ComeFromUsedPixelsAloneAndFromAllOfThemAlike) {
   const MaskedViews views;
   const Dataset dataset = LoadDataset(views.scene, 1);
-  const SceneContraction map = {{0, 0, 0}, 1.5f, true};
-  const OccupancyGrid grid(64, map);
-  const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+  const SceneContraction contraction = {{0, 0, 0}, 1.5f, true};
+  const OccupancyGrid grid(64, contraction);
+  const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, contraction, grid);
   constexpr int kRays = 100000, kShards = 16;
   const BatchPlan plan{.seed = 5, .step = 9, .n_rays = kRays, .n_shards = kShards};
   std::vector<int> counts(900, 0);
@@ -224,7 +222,7 @@ TEST(Monitor, JudgesUsedPixelsAlone) {
   EXPECT_TRUE(std::isfinite(masked));
 }
 
-// N11: C + T b = rgb a + (1 - a) b, with C premultiplied, is what both losses and the pictures mean.
+// C + T b = rgb a + (1 - a) b, with C premultiplied, is what both losses and the pictures mean.
 TEST(Compositing, PremultipliedColourAndAlphaGiveTheTruthOnEveryBackground) {
   for (const float alpha : {0.f, 1.f / 255, 0.5f, 1.f}) {
     for (std::uint64_t seed = 0; seed < 50; ++seed) {
@@ -248,7 +246,7 @@ TEST(Compositing, PremultipliedColourAndAlphaGiveTheTruthOnEveryBackground) {
   }
 }
 
-// N11, N45: truncation would be off by half a level on average.
+// Truncation would be off by half a level on average.
 TEST(Compositing, PicturesAreCompositedToTheNearestLevelForEveryAlpha) {
   double bias = 0;
   int count = 0;
@@ -271,7 +269,7 @@ TEST(Compositing, PicturesAreCompositedToTheNearestLevelForEveryAlpha) {
   EXPECT_LT(std::fabs(bias / count), 0.01);
 }
 
-// N10: distances along a ray are scene units whatever the focal length, so lengths need no factor.
+// Distances along a ray are scene units whatever the focal length, so lengths need no factor.
 TEST(RayCamera, DirectionsAreUnitVectorsForAnyFocalLength) {
   io::Rigid3d world_from_cam;
   world_from_cam.rotation = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();

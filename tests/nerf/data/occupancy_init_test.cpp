@@ -24,10 +24,10 @@ namespace {
 TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
   const TempDir dir;
   const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96});
-  const SceneContraction map = SceneContraction::FromScene(scene, false);
+  const SceneContraction contraction = SceneContraction::FromScene(scene, false);
   io::Workers workers(2);
-  OccupancyGrid grid(64, map);
-  const std::array<float, 6> box = CarveByMasks(scene, LoadDataset(scene, 1), map, &workers, &grid);
+  OccupancyGrid grid(64, contraction);
+  const std::array<float, 6> box = CarveByMasks(scene, LoadDataset(scene, 1), contraction, &workers, &grid);
   // In the picture the ball's disc has a radius of 0.8 / 4 of the focal length, a little more off the centre;
   // two pixels cover the edge and the square around a cell's ball.
   const double disc = 1.05 * 0.2 * scene.cameras[0].fl_x + 2;
@@ -37,7 +37,7 @@ TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
   for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
     const std::array<float, 3> unit = grid.CellCentre(cell);
     Eigen::Vector3f x;
-    map.FromUnit(unit.data(), x.data());
+    contraction.FromUnit(unit.data(), x.data());
     const bool candidate = !grid.IsNeverOccupied(cell);
     ASSERT_TRUE(candidate || x.norm() > 0.8f) << x.transpose();
     bool beside = false;
@@ -67,15 +67,15 @@ TEST(DropPixelsBesideHull, KeepsEveryPixelWhoseRayMeetsTheHull) {
   // With a focal length of 3 picture sizes the border cuts the ball.
   for (const double focal : {1.25, 3.0}) {
     const io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 96, .focal = focal});
-    const SceneContraction map = SceneContraction::FromScene(scene, false);
+    const SceneContraction contraction = SceneContraction::FromScene(scene, false);
     io::Workers workers(2);
-    OccupancyGrid grid(64, map);
+    OccupancyGrid grid(64, contraction);
     Dataset dataset = LoadDataset(scene, 1);
-    CarveByMasks(scene, dataset, map, &workers, &grid);
+    CarveByMasks(scene, dataset, contraction, &workers, &grid);
     grid.Rebuild();
-    DropPixelsBesideHull(scene, map, grid.resolution(), &workers, &dataset);
+    DropPixelsBesideHull(scene, contraction, grid.resolution(), &workers, &dataset);
     const std::vector<bool> used = dataset.UsedPixels();
-    const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+    const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, contraction, grid);
     std::size_t n_met = 0, n_dropped = 0;
     for (std::size_t pixel = 0; pixel < dataset.n_pixels(); ++pixel) {
       const View& view = dataset.ViewOf(pixel);
@@ -114,13 +114,13 @@ TEST(CarveByFrusta, SpaceThatNoUsedPixelSeesIsEmpty) {
   scene.frames[0].world_from_cam.translation.z() = 4;
   scene.frames[1].world_from_cam.translation.z() = -4;
   scene.frames[1].world_from_cam.rotation.diagonal() << -1, 1, -1;  // its left is the first one's right
-  const SceneContraction map = {{0, 0, 0}, 1, false};
+  const SceneContraction contraction = {{0, 0, 0}, 1, false};
   io::Workers workers(2);
   const auto candidates = [&](const char* first, const char* second) {
     scene.frames[0].mask_path = *first ? dir / first : std::filesystem::path();
     scene.frames[1].mask_path = *second ? dir / second : std::filesystem::path();
-    OccupancyGrid grid(64, map);
-    CarveByFrusta(scene, LoadDataset(scene, 1), map, 0.1, &workers, &grid);
+    OccupancyGrid grid(64, contraction);
+    CarveByFrusta(scene, LoadDataset(scene, 1), contraction, 0.1, &workers, &grid);
     int n = 0;
     for (const std::uint32_t cell : grid.Candidates()) {
       EXPECT_LT(grid.CellCentre(cell)[0], *first ? 0.5f + 1.f / 64 : 1.f);  // the masks' edge, and a cell
@@ -151,16 +151,16 @@ TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
   scene.frames[3].world_from_cam.rotation.diagonal() << -1, 1, -1;        // has it behind
   scene.frames[4].world_from_cam.rotation << 0, 0, -1, 0, 1, 0, 1, 0, 0;  // and beside its picture
   scene.frames[2].mask_path = dir / "left.png";
-  const SceneContraction map = {{0, 0, 0}, 1, false};
+  const SceneContraction contraction = {{0, 0, 0}, 1, false};
   constexpr double kNear = 3.8;
   const double cell = 2.0 / 64, diagonal = std::sqrt(3.0) * cell;
   io::Workers workers(2);
-  OccupancyGrid grid(64, map);
-  CarveByFrusta(scene, LoadDataset(scene, 1), map, kNear, &workers, &grid);
+  OccupancyGrid grid(64, contraction);
+  CarveByFrusta(scene, LoadDataset(scene, 1), contraction, kNear, &workers, &grid);
   int n_near_and_unused = 0;
   for (std::uint32_t i = 0; i < grid.n_cells(); ++i) {
     Eigen::Vector3f x;
-    map.FromUnit(grid.CellCentre(i).data(), x.data());
+    contraction.FromUnit(grid.CellCentre(i).data(), x.data());
     const double distance = (x.cast<double>() - centre).norm();
     const bool candidate = !grid.IsNeverOccupied(i);
     if (x.x() < 0 && distance < kNear - 0.5 * diagonal) {

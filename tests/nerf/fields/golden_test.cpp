@@ -102,7 +102,7 @@ const MlpField& FieldOf(const SceneField& scene_field) {
 
 MlpShard GoldenShard(const SceneField& scene_field, int n_rays = kRays) {
   const Dataset dataset = GoldenDataset();
-  const Sampler sampler(scene_field.sampler_options, scene_field.map, scene_field.grid);
+  const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
   BatchPlan plan{.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1};
   plan.background = {1, 1, 1};
   MlpShard shard;
@@ -190,7 +190,6 @@ TEST(MlpGolden, OutputsWeightsAndLossAreThePapers) {
   }
 }
 
-// N33
 TEST(MlpGolden, TheGradientOfEveryTensorIsThePapers) {
   const auto scene_field = GoldenField(false);
   const auto tensors = Tensors(GoldenShard(*scene_field).gradients);
@@ -222,7 +221,7 @@ TEST(MlpGolden, TheGradientOfEveryTensorIsThePapers) {
   std::printf("gradients: largest relative error of a tensor %.1e\n", worst);
 }
 
-// N33: bfloat16 against float, which the test above has tied to the paper.
+// bfloat16 against float, which the test above has tied to the paper.
 TEST(MlpGolden, Bf16GradientsPointTheSameWay) {
   const auto exact_field = GoldenField(false), field = GoldenField(true);
   const MlpShard exact_shard = GoldenShard(*exact_field, kBf16Rays), shard = GoldenShard(*field, kBf16Rays);
@@ -238,7 +237,7 @@ TEST(MlpGolden, Bf16GradientsPointTheSameWay) {
               std::fabs(shard.loss.loss / exact_shard.loss.loss - 1));
 }
 
-// N23: Adam included.
+// Adam included.
 TEST(MlpGolden, TenTrainingStepsHaveTheGoldenLosses) {
   const std::vector<double> losses = Values("losses");
   ASSERT_EQ(losses.size(), 10u);

@@ -1,5 +1,5 @@
-// The hand-written backward pass of the whole field against central differences of its double-precision twin,
-// with networks in float and in bfloat16.
+// The hand-written backward pass of the whole field against central differences of its double-precision
+// reference, with networks in float and in bfloat16.
 #include "nerf/fields/hash_field.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ HashFieldOptions Small(bool bf16_network) {
           .bf16_network = bf16_network};
 }
 
-struct Twin {  // the field's parameters in double, and its equations in order
+struct Reference {  // the field's parameters in double, and its equations in order
   std::vector<kernels::GridLevel> levels;
   Doubles table, weights;
 
@@ -69,11 +69,11 @@ class HashFieldTest : public testing::Test {
       if (name == "table") {  // features of useful size, so that no path is dead
         for (std::size_t i = 0; i < tensor.values.size(); ++i)
           tensor.values[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
-        twin_.table.assign(tensor.values.begin(), tensor.values.end());
+        reference_.table.assign(tensor.values.begin(), tensor.values.end());
       }
-      if (name == "weights") twin_.weights.assign(tensor.values.begin(), tensor.values.end());
+      if (name == "weights") reference_.weights.assign(tensor.values.begin(), tensor.values.end());
     }
-    twin_.levels = field_.grid().levels();
+    reference_.levels = field_.grid().levels();
     for (int s = 0; s < kSamples; ++s) {
       io::Random random(11, io::Stream::kInit, 3, 100 * static_cast<std::uint64_t>(s));
       samples_.x.push_back(random.Uniform());
@@ -98,7 +98,7 @@ class HashFieldTest : public testing::Test {
   }
 
   HashField field_;
-  Twin twin_;
+  Reference reference_;
   Samples samples_;
   float directions_[kSamples][3];
   Doubles a_, b_;
@@ -106,7 +106,7 @@ class HashFieldTest : public testing::Test {
 using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashFieldTest, Reals);
 
-TYPED_TEST(HashFieldTest, ForwardMatchesTheTwin) {
+TYPED_TEST(HashFieldTest, ForwardMatchesTheReference) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);
   double sum = 0;
@@ -116,11 +116,10 @@ TYPED_TEST(HashFieldTest, ForwardMatchesTheTwin) {
       sum += this->a_[3 * s + c] * std::log(rows.rgb[3 * s + c] / (1 - rows.rgb[3 * s + c]));
   }
   EXPECT_NEAR(
-      sum, this->twin_.Probe(this->samples_, this->directions_, this->a_, this->b_), this->kProbeError);
+      sum, this->reference_.Probe(this->samples_, this->directions_, this->a_, this->b_), this->kProbeError);
 }
 
-// N33
-TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
+TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheReference) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);
   const std::vector<float> a(this->a_.begin(), this->a_.end()), b(this->b_.begin(), this->b_.end());
@@ -132,16 +131,16 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   const auto difference = [&](double* parameter) {
     const double value = *parameter;
     *parameter = value + kStep;
-    const double above = this->twin_.Probe(this->samples_, this->directions_, this->a_, this->b_);
+    const double above = this->reference_.Probe(this->samples_, this->directions_, this->a_, this->b_);
     *parameter = value - kStep;
-    const double below = this->twin_.Probe(this->samples_, this->directions_, this->a_, this->b_);
+    const double below = this->reference_.Probe(this->samples_, this->directions_, this->a_, this->b_);
     *parameter = value;
     return (above - below) / (2 * kStep);
   };
   double error = 0, norm = 0;
   int checked = 0;
   for (std::size_t i = 0; i < weight_gradients.size(); i += 13, ++checked) {
-    const double exact = difference(&this->twin_.weights[i]);
+    const double exact = difference(&this->reference_.weights[i]);
     error += std::pow(weight_gradients[i] - exact, 2);
     norm += exact * exact;
   }
@@ -152,8 +151,8 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   // Table gradients: scatter the feature gradients in double and compare entry by entry.
   error = norm = 0;
   checked = 0;
-  for (std::size_t l = 0; l < this->twin_.levels.size(); ++l) {
-    const kernels::GridLevel& level = this->twin_.levels[l];
+  for (std::size_t l = 0; l < this->reference_.levels.size(); ++l) {
+    const kernels::GridLevel& level = this->reference_.levels[l];
     Doubles gradient(level.n_entries * 4);
     for (std::size_t s = 0; s < kSamples; ++s) {
       double df[4];
@@ -163,7 +162,7 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
     }
     for (std::size_t i = 0; i < gradient.size(); ++i) {
       if (gradient[i] == 0) continue;
-      const double exact = difference(&this->twin_.table[level.first_entry * 4 + i]);
+      const double exact = difference(&this->reference_.table[level.first_entry * 4 + i]);
       error += std::pow(gradient[i] - exact, 2);
       norm += exact * exact;
       ++checked;
@@ -173,7 +172,6 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheTwin) {
   EXPECT_LE(std::sqrt(error / norm), this->kGradientError);
 }
 
-// N15
 TYPED_TEST(HashFieldTest, DensityIsFiniteAndGatedAtTheLimitOfTheExponent) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);

@@ -29,7 +29,7 @@ class TrainedBall : public testing::Test {
   static void TearDownTestSuite() { trained_.reset(), rays_.clear(); }
 
   // The same network (twice, where there are two) with another quadrature on [3.25, 4.75]: all of it lies
-  // within the cube of the scene's map, where the pruned rays end.
+  // within the cube of the scene's contraction, where the pruned rays end.
   static std::unique_ptr<SceneField> With(const QuadratureOptions& quadrature) {
     FieldConfig config = trained_->field->Config();
     config["samples"] = quadrature.n_samples;
@@ -40,7 +40,7 @@ class TrainedBall : public testing::Test {
     field->Refresh();
     SamplerOptions sampling = trained_->sampler_options;
     sampling.near = 3.25f, sampling.far = 4.75f;
-    auto result = std::make_unique<SceneField>(trained_->map, sampling, std::move(field), 64);
+    auto result = std::make_unique<SceneField>(trained_->contraction, sampling, std::move(field), 64);
     result->grid.density() = trained_->grid.density();
     result->grid.distance() = trained_->grid.distance();
     result->grid.Refresh();
@@ -81,7 +81,7 @@ void Occupy(const std::vector<Ray>& rays, SceneField* scene_field) {
   OccupancyGrid& grid = scene_field->grid;
   for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) grid.SetCandidate(cell);
   grid.Forget();
-  const Sampler sampler(scene_field->sampler_options, scene_field->map, grid);
+  const Sampler sampler(scene_field->sampler_options, scene_field->contraction, grid);
   std::vector<float> t, delta, sigma;
   StratifiedDistances(scene_field->sampler_options.near, scene_field->sampler_options.far, 256, nullptr, &t);
   delta.resize(t.size());
@@ -95,7 +95,6 @@ void Occupy(const std::vector<Ray>& rays, SceneField* scene_field) {
   grid.Rebuild();
 }
 
-// N41
 TEST_F(TrainedBall, LooksTheSameWithEverySampling) {
   double largest;
   const std::vector<double> dense = Render(*With({.n_samples = 256}), 1);
@@ -120,7 +119,7 @@ void RenderExactly(const tests::ReferenceMlp<double>& mlp,
                    const MlpFieldOptions& options,
                    const Ray& ray,
                    std::vector<double>* colours) {
-  const SceneContraction& map = scene_field.map;
+  const SceneContraction& contraction = scene_field.contraction;
   const double near = scene_field.sampler_options.near, far = scene_field.sampler_options.far;
   const int n = options.quadrature.n_samples;
   const double direction[3] = {ray.direction[0], ray.direction[1], ray.direction[2]};
@@ -132,7 +131,8 @@ void RenderExactly(const tests::ReferenceMlp<double>& mlp,
     const double delta = (far - near) / n, t = near + (i + 0.5) * delta;
     double p[3];
     for (std::size_t j = 0; j < 3; ++j)
-      p[j] = std::clamp((ray.origin[j] + t * direction[j] - map.centre[j]) / map.half, -1.0, 1.0);
+      p[j] = std::clamp(
+          (ray.origin[j] + t * direction[j] - contraction.centre[j]) / contraction.half, -1.0, 1.0);
     PositionalEncoding(options.position, p, position_code.data());
     const auto row = mlp.Forward(position_code, direction_code);
     const double tau = std::log1p(std::exp(row.density - 1)) * delta;
@@ -143,7 +143,6 @@ void RenderExactly(const tests::ReferenceMlp<double>& mlp,
   for (const double c : colour) colours->push_back(c + std::exp(-depth));
 }
 
-// N47
 TEST_F(TrainedBall, LooksTheSameInDouble) {
   const auto scene_field = With({.n_samples = 24});
   const MlpField& field = FieldOf(scene_field.get());

@@ -1,5 +1,5 @@
-// The LibTorch network against its plain twin in double (tests/support/reference_mlp.h): outputs, gradients,
-// threads and precision.
+// The LibTorch network against its plain reference in double (tests/support/reference_mlp.h): outputs,
+// gradients, threads and precision.
 #include "nerf/fields/mlp.h"
 
 #include <cmath>
@@ -15,7 +15,7 @@
 namespace nerf {
 namespace {
 
-using Twin = tests::ReferenceMlp<double>;
+using Reference = tests::ReferenceMlp<double>;
 
 // Rows of codes for a network, and gradients of its outputs.
 struct Rows {
@@ -76,21 +76,25 @@ std::vector<double> CodeOf(const std::vector<float>& codes, int row, int inputs)
   return {begin, begin + inputs};
 }
 
-Twin::Row TwinRow(const Twin& twin, const MlpOptions& options, const Rows& rows, int row) {
-  return twin.Forward(CodeOf(rows.position, row, options.position_inputs),
-                      CodeOf(rows.direction, row, options.direction_inputs));
+Reference::Row ReferenceRow(const Reference& reference,
+                            const MlpOptions& options,
+                            const Rows& rows,
+                            int row) {
+  return reference.Forward(CodeOf(rows.position, row, options.position_inputs),
+                           CodeOf(rows.direction, row, options.direction_inputs));
 }
 
-Result RunTwin(const Twin& twin, const MlpOptions& options, const Rows& rows) {
+Result RunReference(const Reference& reference, const MlpOptions& options, const Rows& rows) {
   Result result;
   result.gradients.assign(WeightCount(options), 0.0);
   for (int r = 0; r < rows.n; ++r) {
-    const Twin::Row row = TwinRow(twin, options, rows, r);
+    const Reference::Row row = ReferenceRow(reference, options, rows, r);
     result.density.push_back(row.density);
     result.logits.insert(result.logits.end(), row.logits.begin(), row.logits.end());
     const auto at = static_cast<std::size_t>(r);
     const float* logit_gradients = &rows.logit_gradients[3 * at];
-    twin.Backward(row, rows.density_gradients[at], {logit_gradients, logit_gradients + 3}, &result.gradients);
+    reference.Backward(
+        row, rows.density_gradients[at], {logit_gradients, logit_gradients + 3}, &result.gradients);
   }
   return result;
 }
@@ -129,8 +133,7 @@ MlpOptions Small(int position_inputs, int direction_inputs, int depth, int skip)
           .colour_width = 16};
 }
 
-// N33, N34
-TEST(TorchMlp, OutputsAndGradientsAreTheTwinsForEveryShape) {
+TEST(TorchMlp, OutputsAndGradientsAreThoseOfTheReferenceForEveryShape) {
   const MlpOptions full;
   // Codes with identity, without, none (p itself), and of exactly one aligned row; skip at either end or
   // none.
@@ -149,7 +152,8 @@ TEST(TorchMlp, OutputsAndGradientsAreTheTwinsForEveryShape) {
     for (const int n : {1, 15, 127, 128, 129, 1000}) {
       if (options.width == full.width && n > 129) continue;  // seconds in plain loops
       const Rows rows = MakeRows(options, n);
-      const Result ours = RunMlp(*mlp, options, rows), exact = RunTwin(Twin(options, weights), options, rows);
+      const Result ours = RunMlp(*mlp, options, rows),
+                   exact = RunReference(Reference(options, weights), options, rows);
       const double output =
           std::max(RelativeL2(ours.density, exact.density), RelativeL2(ours.logits, exact.logits));
       const double gradient = WorstTensor(options, ours, exact);
@@ -162,14 +166,13 @@ TEST(TorchMlp, OutputsAndGradientsAreTheTwinsForEveryShape) {
   std::printf("fp32: outputs %.1e, gradient of a tensor %.1e\n", worst_output, worst_gradient);
 }
 
-// N33
 TEST(ReferenceMlp, GradientsAreCentralDifferences) {
   const MlpOptions options = Small(63, 27, 8, 4);
-  Twin twin(options, InitialWeights(options, Initialisation::kUniform, 6));
+  Reference reference(options, InitialWeights(options, Initialisation::kUniform, 6));
   const Rows rows = MakeRows(options, 3);
-  const std::vector<double> gradients = RunTwin(twin, options, rows).gradients;
+  const std::vector<double> gradients = RunReference(reference, options, rows).gradients;
   const auto loss = [&] {
-    const Result result = RunTwin(twin, options, rows);
+    const Result result = RunReference(reference, options, rows);
     double sum = 0;
     for (std::size_t i = 0; i < 3; ++i) sum += result.density[i] * rows.density_gradients[i];
     for (std::size_t i = 0; i < 9; ++i) sum += result.logits[i] * rows.logit_gradients[i];
@@ -180,12 +183,12 @@ TEST(ReferenceMlp, GradientsAreCentralDifferences) {
   for (const MlpLayer& layer : Layers(options)) {
     const std::size_t end = layer.biases + static_cast<std::size_t>(layer.outputs);
     for (std::size_t i = layer.weights; i < end; i += (end - layer.weights) / 7 + 1, ++checked) {
-      const double old = twin.weights[i];
-      twin.weights[i] = old + kStep;
+      const double old = reference.weights[i];
+      reference.weights[i] = old + kStep;
       const double above = loss();
-      twin.weights[i] = old - kStep;
+      reference.weights[i] = old - kStep;
       const double below = loss();
-      twin.weights[i] = old;
+      reference.weights[i] = old;
       EXPECT_NEAR(gradients[i], (above - below) / (2 * kStep), 1e-8 + 1e-5 * std::fabs(gradients[i]))
           << layer.name << ", weight " << i;
     }
@@ -209,7 +212,6 @@ TEST(TorchMlp, TheDensityAloneIsThatOfTheFullQuery) {
   }
 }
 
-// N32
 TEST(TorchMlp, ThreeThreadsComputeTheBytesOfOne) {
   for (const bool bf16 : {false, true}) {
     const MlpOptions options{.bf16 = bf16};
@@ -250,7 +252,7 @@ TEST(TorchMlp, GradientsAddToThoseThatAreThere) {
   for (std::size_t i = 0; i < twice.size(); ++i) ASSERT_EQ(twice[i], 2 * once.gradients[i]);
 }
 
-// N33: eight bits of mantissa per product. Pre-activations that cross 0 by them make up most of the
+// Eight bits of mantissa per product. Pre-activations that cross 0 by them make up most of the
 // gradients' error; here, where every row has a gradient of its own, it does not average out as it does in a
 // batch of rays (tests/nerf_golden_test.cpp).
 TEST(TorchMlp, Bf16StaysCloseToFloat) {
@@ -269,7 +271,7 @@ TEST(TorchMlp, Bf16StaysCloseToFloat) {
   EXPECT_GE(output, 1e-4) << "was it computed in float?";
 }
 
-// N27: neither ReLU nor the padding hides a NaN.
+// Neither ReLU nor the padding hides a NaN.
 TEST(TorchMlp, ANaNInAnyLayerReachesTheOutputs) {
   for (const bool bf16 : {false, true}) {
     const MlpOptions options{.bf16 = bf16};

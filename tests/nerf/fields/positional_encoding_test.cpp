@@ -65,7 +65,6 @@ std::vector<double> WorstErrors(int frequencies, bool times_pi) {
   return worst;
 }
 
-// N18
 TEST(PositionalEncoding, ErrorIsThatOfOneSineAtEveryFrequency) {
   for (const bool times_pi : {false, true}) {
     for (const double error : WorstErrors(20, times_pi)) {
@@ -75,7 +74,7 @@ TEST(PositionalEncoding, ErrorIsThatOfOneSineAtEveryFrequency) {
   }
 }
 
-// N18: why the argument is reduced before it is multiplied by pi.
+// Why the argument is reduced before it is multiplied by pi.
 TEST(PositionalEncoding, TheDirectProductWouldLoseThreeDigitsAtTheTenthFrequency) {
   double worst = 0;
   for (std::uint64_t i = 0; i < 100000; ++i) {
@@ -95,7 +94,6 @@ double Ulps(float value, double exact) {
   return std::fabs(static_cast<double>(value) - exact) / std::ldexp(1.0, exponent - 23);
 }
 
-// N19
 TEST(PositionalEncoding, SinesHoldThreeUlpForArgumentsOfAnySize) {
   const EncodingOptions options{.frequencies = 1, .identity = false, .times_pi = false};
   int checked = 0;
@@ -113,7 +111,6 @@ TEST(PositionalEncoding, SinesHoldThreeUlpForArgumentsOfAnySize) {
   EXPECT_EQ(checked, 100000);
 }
 
-// N19
 TEST(PositionalEncoding, ZeroGivesZeroAndWhatIsNotFiniteShows) {
   const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   for (const bool times_pi : {false, true}) {

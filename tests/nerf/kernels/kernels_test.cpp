@@ -1,4 +1,4 @@
-// Every build of the kernels that this CPU runs, against the plain twin in double, within the bounds of
+// Every build of the kernels that this CPU runs, against the plain reference in double, within the bounds of
 // kernels.h.
 #include "nerf/kernels/kernels.h"
 
@@ -40,7 +40,6 @@ INSTANTIATE_TEST_SUITE_P(Builds,
                          testing::Values("portable", "avx2", "avx512", "avx512bf16"),
                          [](const auto& test) { return test.param; });
 
-// N20
 TEST_P(KernelsTest, ExpKeepsItsErrorBoundOverItsRange) {
   constexpr int kCount = 400001;
   Floats x(kCount);
@@ -55,7 +54,6 @@ TEST_P(KernelsTest, ExpKeepsItsErrorBoundOverItsRange) {
   EXPECT_GT(worst, 1e-9) << "the sweep did not run";
 }
 
-// N20
 TEST_P(KernelsTest, ExpAtTheEndsOfItsRange) {
   const float inf = std::numeric_limits<float>::infinity();
   Floats x = {-1e30f, -inf, 200.f, inf, std::nanf(""), 0.f, -0.f};
@@ -69,7 +67,6 @@ TEST_P(KernelsTest, ExpAtTheEndsOfItsRange) {
   EXPECT_EQ(x[6], 1.f);
 }
 
-// N01
 TEST_P(KernelsTest, OpacityIsAccurateFromTinyToHugeOpticalDepth) {
   Floats x;
   for (int binade = -40; binade <= 7; ++binade) {
@@ -89,7 +86,6 @@ TEST_P(KernelsTest, OpacityIsAccurateFromTinyToHugeOpticalDepth) {
   EXPECT_TRUE(std::isnan(ends[3]));
 }
 
-// N21
 TEST_P(KernelsTest, SigmoidStaysWithinItsBoundAndInsideTheUnitInterval) {
   Floats x = Uniform(100001, 3, -80, 80), y = x;
   kernels_->sigmoid(static_cast<int>(y.size()), y.data());
@@ -102,8 +98,7 @@ TEST_P(KernelsTest, SigmoidStaysWithinItsBoundAndInsideTheUnitInterval) {
   for (const float value : ends) EXPECT_TRUE(value >= 0.f && value <= 1.f);
 }
 
-// N22, N23
-TEST_P(KernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntries) {
+TEST_P(KernelsTest, AdamMatchesTheReferenceOverAHundredStepsAndSkipsUntouchedEntries) {
   const std::size_t n = 1003;
   Floats g, m(n), v(n), values = Uniform(n, 1);
   const Floats start = values;
@@ -132,7 +127,6 @@ TEST_P(KernelsTest, AdamMatchesTheTwinOverAHundredStepsAndSkipsUntouchedEntries)
   ASSERT_EQ(rounded[n], Bf16{0x7777}) << "wrote past the end";
 }
 
-// N22
 TEST_P(KernelsTest, AdamStepIsBoundedForVanishingGradients) {
   for (float g0 = 1e-3f; g0 > 1e-19f; g0 *= 0.1f) {
     AdamStep step{.learning_rate = 1e-2f, .correction1 = 10, .correction2 = 100};

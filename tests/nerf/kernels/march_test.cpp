@@ -1,4 +1,4 @@
-// The march kernel of every build against its plain twin.
+// The march kernel of every build against its plain reference.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,7 +19,8 @@ using Sample = kernels::reference::MarchedSample<double>;
 constexpr int kRays = 1003, kMaxSamples = 5;
 
 // Rays whose starts are inside, outside and on faces of the space. All numbers are small multiples of powers
-// of two, so that bounded marching is exact in float: the kernel must then agree with the twin to the bit.
+// of two, so that bounded marching is exact in float: the kernel must then agree with the reference to the
+// bit.
 struct March {
   explicit March(bool contracted, int n) : n_rays(n), t(static_cast<std::size_t>(n)), count(t.size(), -1) {
     const auto draw = [](std::uint64_t ray, std::uint64_t what, int low, int high, float unit) {
@@ -89,7 +90,7 @@ class MarchTest : public ::testing::TestWithParam<const char*> {
     grid_.Rebuild();
   }
 
-  // Share of the rays that differ from the twin in any sample.
+  // Share of the rays that differ from the reference in any sample.
   double ShareThatDiffers(bool contracted, const MarchIntervals& intervals, double tolerance) {
     int n_different = 0, n_samples = 0;
     March march(contracted, kRays);
@@ -114,13 +115,13 @@ class MarchTest : public ::testing::TestWithParam<const char*> {
   OccupancyGrid grid_{64, SceneContraction{}};
 };
 
-TEST_P(MarchTest, BoundedRaysEqualTheTwinToTheBit) {
+TEST_P(MarchTest, BoundedRaysEqualTheReferenceToTheBit) {
   EXPECT_EQ(ShareThatDiffers(false, {.step_size = 1.f / 64, .cell_length = 1.f / 64}, 0), 0);
   EXPECT_EQ(ShareThatDiffers(false, {.step_size = 1.f / 16, .cell_length = 1.f / 32}, 0), 0);
 }
 
 // Rounding may move a sample across the border of a cell, after which a ray goes its own way.
-TEST_P(MarchTest, GrowingIntervalsAndContractedSpaceEqualTheTwinButForRounding) {
+TEST_P(MarchTest, GrowingIntervalsAndContractedSpaceEqualTheReferenceButForRounding) {
   const MarchIntervals intervals{.step_size = 1.f / 64, .cone_angle = 1.f / 100, .cell_length = 1.f / 16};
   EXPECT_LE(ShareThatDiffers(false, intervals, 2e-6), 0.02);
   EXPECT_LE(ShareThatDiffers(true, intervals, 2e-6), 0.02);

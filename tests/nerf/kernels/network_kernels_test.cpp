@@ -1,5 +1,5 @@
 // Products, look-ups and their gradients of every build of the kernels that this CPU runs, in float and in
-// bfloat16, against the plain twin in double, within the bounds of kernels.h.
+// bfloat16, against the plain reference in double, within the bounds of kernels.h.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -116,7 +116,6 @@ TYPED_TEST(NetworkKernelsTest, ProductsAndTheirGradientsForAwkwardSizes) {
   });
 }
 
-// N27
 TYPED_TEST(NetworkKernelsTest, ReluMaskAndRoundingKeepNaN) {
   using Real = TypeParam;
   this->ForEachBuild([](const NetworkKernels<Real>& kernels) {
@@ -197,7 +196,7 @@ TYPED_TEST(NetworkKernelsTest, HeadAndItsGradient) {
   });
 }
 
-TYPED_TEST(NetworkKernelsTest, EncodeAndScatterMatchTheTwinOnDenseAndHashedLevels) {
+TYPED_TEST(NetworkKernelsTest, EncodeAndScatterMatchTheReferenceOnDenseAndHashedLevels) {
   using Real = TypeParam;
   this->ForEachBuild([](const NetworkKernels<Real>& kernels) {
     for (const std::uint32_t mask : {0u, 1023u}) {
@@ -245,7 +244,7 @@ TYPED_TEST(NetworkKernelsTest, EncodeAndScatterMatchTheTwinOnDenseAndHashedLevel
   });
 }
 
-// N33: each gradient is the transpose of its forward pass, <dy, A x> = <A^T dy, x>, in double.
+// Each gradient is the transpose of its forward pass, <dy, A x> = <A^T dy, x>, in double.
 TEST(Reference, GradientsAreTransposes) {
   const GridLevel level{.resolution = 11, .hash_mask = 255, .n_entries = 256};
   const int n = 60;

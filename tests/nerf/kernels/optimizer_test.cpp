@@ -56,7 +56,7 @@ struct PlainAdam {
   }
 };
 
-// N23: each step starts from the state in float, so that one step's error shows and not its history.
+// Each step starts from the state in float, so that one step's error shows and not its history.
 TEST(Adam, EveryStepEqualsThePlainEquationsInDouble) {
   constexpr std::size_t kCount = 10007;
   ForEachBuild([](const Kernels& build) {
@@ -92,7 +92,6 @@ TEST(Adam, EveryStepEqualsThePlainEquationsInDouble) {
   });
 }
 
-// N23
 TEST(Adam, LossCurveOfAQuadraticEqualsThatInDouble) {
   constexpr std::size_t kCount = 1000;
   ForEachBuild([](const Kernels& build) {
@@ -141,7 +140,7 @@ class FlushDenormals {
   unsigned saved_ = 0;
 };
 
-// N22: the bound is that of Kingma and Ba, section 2.1. Where the square of a gradient underflows, epsilon
+// The bound is that of Kingma and Ba, section 2.1. Where the square of a gradient underflows, epsilon
 // keeps the step far below it.
 TEST(Adam, StepsAreBoundedForGradientsOfAnySizeWithAndWithoutDenormals) {
   constexpr float kRate = 1e-2f;
@@ -168,7 +167,7 @@ TEST(Adam, StepsAreBoundedForGradientsOfAnySizeWithAndWithoutDenormals) {
   });
 }
 
-// N22: a hash entry that no ray has met keeps every bit, wherever it lies among those that are.
+// A hash entry that no ray has met keeps every bit, wherever it lies among those that are.
 TEST(Adam, ParametersWithoutGradientKeepEveryBit) {
   ForEachBuild([](const Kernels& build) {
     for (const std::size_t n : {1u, 15u, 16u, 17u, 64u, 131u}) {
@@ -189,7 +188,7 @@ TEST(Adam, ParametersWithoutGradientKeepEveryBit) {
   });
 }
 
-// N24: with 8 bits of mantissa the weight would stay at 1 and the moment at a quarter.
+// With 8 bits of mantissa the weight would stay at 1 and the moment at a quarter.
 TEST(Adam, WeightsAndMomentsAreFloatsThatKeepSmallUpdates) {
   static_assert(
       std::is_same_v<decltype(Kernels::adam),
@@ -226,8 +225,8 @@ Floats EntryGradients(std::size_t n, int t) {
   return g;
 }
 
-// N22, N23: each step starts from the state in float.
-TEST(StepEntries, EveryStepEqualsTheTwinInDoubleAndUntouchedEntriesKeepEveryBit) {
+// Each step starts from the state in float.
+TEST(StepEntries, EveryStepEqualsTheReferenceInDoubleAndUntouchedEntriesKeepEveryBit) {
   ForEachBuild([](const Kernels& build) {
     for (const std::size_t n : {1u, 3u, 16u, 33u, 131u}) {
       Floats v(n), values(n * kernels::kFeatures, 0.3f);
@@ -263,7 +262,7 @@ TEST(StepEntries, EveryStepEqualsTheTwinInDoubleAndUntouchedEntriesKeepEveryBit)
   });
 }
 
-// N22: the bound of Kingma and Ba, section 2.1, for a moment over all features of an entry: gradients in one
+// The bound of Kingma and Ba, section 2.1, for a moment over all features of an entry: gradients in one
 // feature alone, from the first step on and from late in a run on.
 TEST(StepEntries, StepsAreBoundedForGradientsOfAnySize) {
   constexpr float kRate = 1e-2f;
@@ -287,7 +286,7 @@ TEST(StepEntries, StepsAreBoundedForGradientsOfAnySize) {
   });
 }
 
-// N49: the moving averages of the occupancy grid.
+// The moving averages of the occupancy grid.
 TEST(OccupancyGrid, DensityDecaysByItsPublishedFactors) {
   OccupancyGrid grid(64, SceneContraction{});
   grid.density()[7] = grid.density()[8] = 2;

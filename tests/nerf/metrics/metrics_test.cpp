@@ -56,7 +56,6 @@ double DenseSsim(const io::Image& a, const io::Image& b, const io::Mask& mask = 
   return total / 3;
 }
 
-// N43
 TEST(Psnr, KnownErrors) {
   EXPECT_NEAR(nerf::PsnrFromMse(nerf::MeanSquaredError(Constant(8, 8, 0), Constant(8, 8, 255))), 0, 1e-12);
   EXPECT_NEAR(
@@ -66,7 +65,6 @@ TEST(Psnr, KnownErrors) {
   EXPECT_DOUBLE_EQ(nerf::MeanSquaredError(a, b), 1 / (255.0 * 255.0 * 600));
 }
 
-// N43
 TEST(Psnr, IdenticalPicturesStayFinite) {
   EXPECT_EQ(nerf::MeanSquaredError(Noise(16, 16, 1), Noise(16, 16, 1)), 0);
   EXPECT_DOUBLE_EQ(nerf::PsnrFromMse(0), nerf::kMaxPsnrDb);
@@ -80,7 +78,7 @@ TEST(Metrics, PicturesOfDifferentShapeAreRefused) {
   EXPECT_THROW(nerf::MeanSquaredError(Constant(8, 8, 0), Constant(8, 9, 0)), io::Error);
   EXPECT_THROW(nerf::MeanSquaredError(Constant(8, 8, 0), io::MakeImage(8, 8, 4)), io::Error);
   EXPECT_THROW(nerf::Ssim(Constant(20, 20, 0), Constant(20, 21, 0)), io::Error);
-  // N44: one channel is neither averaged nor read past its end.
+  // One channel is neither averaged nor read past its end.
   EXPECT_THROW(nerf::Ssim(io::MakeImage(20, 20, 1), io::MakeImage(20, 20, 1)), io::Error);
 }
 
@@ -168,14 +166,12 @@ TEST(Ssim, IdenticalIsOne) {
   EXPECT_NEAR(nerf::Ssim(Constant(11, 11, 255), Constant(11, 11, 255)), 1, 1e-9);
 }
 
-// N44
 TEST(Ssim, ConstantPicturesLeaveTheLuminanceTerm) {
   const double a = 50 / 255.0, b = 200 / 255.0;
   const double expected = (2 * a * b + 1e-4) / (a * a + b * b + 1e-4);
   EXPECT_NEAR(nerf::Ssim(Constant(30, 20, 50), Constant(30, 20, 200)), expected, 1e-9);
 }
 
-// N44
 TEST(Ssim, AgreesWithTheDenseDefinition) {
   const io::Image a = Noise(37, 26, 1), b = Noise(37, 26, 2);
   const double expected = DenseSsim(a, b);
@@ -184,13 +180,12 @@ TEST(Ssim, AgreesWithTheDenseDefinition) {
   EXPECT_NEAR(nerf::Ssim(a, b), expected, 1e-10);
 }
 
-// N44
 TEST(Ssim, BelowElevenPixelsIsAnError) {
   EXPECT_THROW(nerf::Ssim(Constant(10, 40, 1), Constant(10, 40, 1)), io::Error);
   EXPECT_NO_THROW(nerf::Ssim(Constant(11, 40, 1), Constant(11, 40, 1)));
 }
 
-// N44: rounding leaves variances of flat windows on either side of zero.
+// Rounding leaves variances of flat windows on either side of zero.
 TEST(Ssim, FlatWindowsOfEveryLevelGiveExactlyTheLuminanceTerm) {
   for (int value = 0; value < 256; ++value) {
     const auto level = static_cast<std::uint8_t>(value);

@@ -68,7 +68,6 @@ Floats OpticalDepthsOfAllBinades() {
   return x;
 }
 
-// N01
 TEST(Numerics, OpacityHoldsFourUlpInEveryBinade) {
   const Floats x = OpticalDepthsOfAllBinades();
   ASSERT_GE(x.size(), 100000u);
@@ -77,7 +76,7 @@ TEST(Numerics, OpacityHoldsFourUlpInEveryBinade) {
   for (const float tau : x) ASSERT_LE(Ulps(-std::expm1(-tau), exact(static_cast<double>(tau))), 4) << tau;
 }
 
-// N20: below -87 the kernels return the least they can without denormal numbers, so flushing these to zero
+// Below -87 the kernels return the least they can without denormal numbers, so flushing these to zero
 // changes nothing.
 TEST(Numerics, ExponentialHoldsTwoUlpAndIsNeverDenormal) {
   Floats x = Sweep(-87.f, 88.f, 1000001);
@@ -90,7 +89,6 @@ TEST(Numerics, ExponentialHoldsTwoUlpAndIsNeverDenormal) {
   });
 }
 
-// N21
 TEST(Numerics, SigmoidAndSoftplusHoldFourUlpAndDoNotOverflow) {
   const auto sigmoid = [](double x) { return 1 / (1 + std::exp(-x)); };
   ForEachBuild([&](const Kernels& build) {
@@ -114,7 +112,6 @@ TEST(Numerics, SigmoidAndSoftplusHoldFourUlpAndDoNotOverflow) {
   EXPECT_EQ(Sigmoid(kInf), 1.f);
 }
 
-// N15
 TEST(Numerics, ExponentialDensityIsFiniteAndMonotoneAndEndsAtItsLimit) {
   float last = 0;
   for (int i = -2000; i <= 2000; ++i) {
@@ -145,7 +142,6 @@ void CheckActivation(DensityActivation activation) {
   EXPECT_EQ(last_gradient, Scalar(1));
 }
 
-// N15
 TEST(Numerics, DensityAndItsGradientAreFiniteAndMonotone) {
   for (const DensityActivation activation : {DensityActivation::kSoftplus, DensityActivation::kRelu}) {
     CheckActivation<float>(activation);
@@ -155,7 +151,6 @@ TEST(Numerics, DensityAndItsGradientAreFiniteAndMonotone) {
   EXPECT_GT(DensityGradient(DensityActivation::kSoftplus, -80.f), 0.f);
 }
 
-// N33
 TEST(Numerics, DensityGradientEqualsCentralDifferences) {
   constexpr double kStep = 1e-6;
   for (const DensityActivation activation : {DensityActivation::kSoftplus, DensityActivation::kRelu}) {
@@ -167,7 +162,6 @@ TEST(Numerics, DensityGradientEqualsCentralDifferences) {
   }
 }
 
-// N02
 TEST(Numerics, EveryPairOfDensityAndLengthGivesFiniteLightAndGradients) {
   const Kernels& kernels = kernels::ActiveKernels();
   const PixelTarget target = {{0.2f, 0.1f, 0.4f}, 0.6f};
@@ -214,7 +208,6 @@ Floats TransmittancesOf(const Floats& tau, float* end) {
   return transmittances;
 }
 
-// N03
 TEST(Numerics, TransmittanceFallsSteadilyAndOpacityIsThatOfTheClosedForm) {
   constexpr int kCount = 1024;
   for (double total = 1e-6; total <= 200; total *= 1.3) {
@@ -234,7 +227,7 @@ TEST(Numerics, TransmittanceFallsSteadilyAndOpacityIsThatOfTheClosedForm) {
   }
 }
 
-// N05: 1 - sum of weights has no digit left behind an opaque surface, and may be negative.
+// 1 - sum of weights has no digit left behind an opaque surface, and may be negative.
 TEST(Numerics, WeightsSumToAtMostOneAndTheBackgroundIsTheClosedForm) {
   constexpr int kRays = 100000, kSamples = 192;
   Floats tau(kSamples);
@@ -254,7 +247,6 @@ TEST(Numerics, WeightsSumToAtMostOneAndTheBackgroundIsTheClosedForm) {
   EXPECT_GT(greatest, 30);
 }
 
-// N08
 TEST(Numerics, LightBehindTheStopChangesAColourByNoMoreThanItsShare) {
   static_assert(kEarlyStopTransmittance <= 1e-4f, "80 dB: metrics must not see the stop");
   constexpr int kSamples = 192;
@@ -290,7 +282,6 @@ TEST(Numerics, LightBehindTheStopChangesAColourByNoMoreThanItsShare) {
   EXPECT_GT(stopped_early, 1000);
 }
 
-// N27
 TEST(Numerics, NotANumberPassesActivationsQuadratureAndLoss) {
   for (const DensityActivation activation : {DensityActivation::kSoftplus, DensityActivation::kRelu}) {
     EXPECT_TRUE(std::isnan(Density(activation, kNaN)));
@@ -316,7 +307,7 @@ TEST(Numerics, NotANumberPassesActivationsQuadratureAndLoss) {
   EXPECT_TRUE(std::isnan(FixedBackgroundLoss(colour, 0.f, {{0, 0, 0}, 1}, white).loss));
 }
 
-// N29: every file has its contraction rule on the command line, kernels alone may fuse, and nothing weakens
+// Every file has its contraction rule on the command line, kernels alone may fuse, and nothing weakens
 // IEEE rules. tests/CMakeLists.txt checks that the headers refuse such flags.
 TEST(Numerics, FlagsOfEveryFileKeepIeeeRules) {
   const std::string text = ReadText(std::string(BINARY_DIR) + "/compile_commands.json");

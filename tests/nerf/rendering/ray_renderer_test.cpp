@@ -50,7 +50,6 @@ class RayRenderer : public testing::Test {
   SceneField fog_;
 };
 
-// N08, N09
 TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
   Fill();
   for (const float length : {1.f, 5.f, 20.f, 80.f}) {
@@ -125,7 +124,7 @@ TEST_F(RayRenderer, ManySamplesOfLittleWeightKeepTheirColour) {
   for (const float c : ray.rgb) EXPECT_NEAR(c, 0.5f * (1 - ray.transmittance), 1e-5);
 }
 
-// N07: no division by an opacity of 0.
+// No division by an opacity of 0.
 TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
   fog_.grid.Rebuild();
   const RenderedRay inside = RenderAlong({{0, 0, -100}, {0, 0, 1}}),
@@ -138,7 +137,7 @@ TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
   EXPECT_EQ(inside.depth, 150.f);
 }
 
-// N27: the first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
+// The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
 TEST_F(RayRenderer, NotANumberInTheFirstLayerReachesEveryOutput) {
   Fill();
   SetWeights(kWeights, 0.01f);

@@ -22,7 +22,6 @@ std::vector<float> Weights(const std::vector<float>& tau, float* end) {
   return weights;
 }
 
-// N01, N03
 TEST(VolumeRendering, ThinFogKeepsSevenDigits) {
   // tau = 1e-4 over 1024 samples: the naive 1 - exp loses 22 % of this opacity in float.
   float end;
@@ -32,7 +31,6 @@ TEST(VolumeRendering, ThinFogKeepsSevenDigits) {
   EXPECT_NEAR(opacity / -std::expm1(-1e-4), 1, 1e-5);
 }
 
-// N06
 TEST(VolumeRendering, OneSpikeTakesAllTheWeight) {
   std::vector<float> tau(64, 0.f);
   tau[20] = 1e10f;
@@ -43,7 +41,6 @@ TEST(VolumeRendering, OneSpikeTakesAllTheWeight) {
   EXPECT_EQ(end, 0.f);
 }
 
-// N07
 TEST(VolumeRendering, EmptyRayShowsExactlyTheBackground) {
   float end;
   const std::vector<float> weights = Weights(std::vector<float>(64, 0.f), &end);
@@ -142,7 +139,6 @@ double LossOf(const RayCase& ray,
   return result.loss;
 }
 
-// N33
 TEST(VolumeRendering, GradientsEqualCentralDifferences) {
   constexpr double kStep = 1e-6;
   int checked = 0;
@@ -180,7 +176,7 @@ double RelativeDistance(const std::vector<A>& a, const std::vector<B>& b) {
   return std::sqrt(error / norm);
 }
 
-// N33: a check that cannot see an error of 1e-6 would pass wrong derivatives too.
+// A check that cannot see an error of 1e-6 would pass wrong derivatives too.
 TEST(VolumeRendering, DifferencesInDoubleResolveARelativeErrorOfOneInAMillion) {
   constexpr double kStep = 1e-5;
   for (RayCase& ray : UnderBothLosses(MakeRay(4, 12, 10.0))) {
@@ -201,7 +197,6 @@ TEST(VolumeRendering, DifferencesInDoubleResolveARelativeErrorOfOneInAMillion) {
   }
 }
 
-// N33
 TEST(VolumeRendering, GradientsInFloatFollowThoseInDouble) {
   for (const double depth_scale : {1e-3, 1.0, 30.0, 1e3}) {
     std::vector<float> all;
@@ -227,7 +222,7 @@ TEST(VolumeRendering, GradientsInFloatFollowThoseInDouble) {
   }
 }
 
-// N04: the derivative of the product form divides by 1 - alpha = 0 here.
+// The derivative of the product form divides by 1 - alpha = 0 here.
 TEST(VolumeRendering, GradientAroundAnOpaqueSampleEqualsTheDifferencesInDouble) {
   constexpr double kStep = 1e-6;
   for (const float opaque : {16.f, 88.f, 1e4f, 1e10f}) {
@@ -298,7 +293,6 @@ TEST(VolumeRendering, LossOnAFixedBackgroundIsTheMeanSquaredErrorOfTheComposite)
   }
 }
 
-// N02
 TEST(VolumeRendering, OpaqueAndTransparentExtremesHaveFiniteGradients) {
   for (const double depth_scale : {1e-30, 1e30}) {
     std::vector<double> logit_gradients, log_sigma_gradients;

@@ -48,7 +48,7 @@ TEST(Intervals, RandomSamplesStayInTheirBinsAndFillThemEvenly) {
   EXPECT_NEAR(mean, 0.5, 5 * std::sqrt(1.0 / 12 / (kRays * kBins)));
 }
 
-// N09: opacity stays that of the interval [near, far], whatever density is left at its end.
+// Opacity stays that of the interval [near, far], whatever density is left at its end.
 TEST(Intervals, ClosedOnesEndAtFarAndOnlyTheExplicitOpenEndTurnsATailOpaque) {
   EXPECT_FALSE(QuadratureOptions().open_end);
   constexpr double kFog = 1e-7;
@@ -67,7 +67,6 @@ TEST(Intervals, ClosedOnesEndAtFarAndOnlyTheExplicitOpenEndTurnsATailOpaque) {
   }
 }
 
-// N39
 TEST(Intervals, DegenerateRangesGiveNoSamples) {
   constexpr float kInf = std::numeric_limits<float>::infinity(),
                   kNaN = std::numeric_limits<float>::quiet_NaN();
@@ -86,7 +85,6 @@ TEST(Intervals, DegenerateRangesGiveNoSamples) {
   EXPECT_THROW(StratifiedDistances(-kInf, 2.f, 64, nullptr, &t), io::Error);
 }
 
-// N39
 TEST(Intervals, LengthsAreNeverNegative) {
   const float ranges[][2] = {{2, 6}, {-1, 3}, {0, 1e-30f}, {2, std::nextafter(2.f, 3.f)}, {1e6f, 1e6f + 1}};
   for (const auto& [near, far] : ranges) {
@@ -117,7 +115,6 @@ std::vector<Scalar> Added(const std::vector<Scalar>& weights, int n, io::Random*
   return added;
 }
 
-// N40
 TEST(ImportanceSamples, GoWhereTheWeightIs) {
   for (const float weight : {1.f, 1e-38f, 1e-45f, 3e38f}) {
     for (const std::size_t bin : {0u, 1u, 7u}) {
@@ -136,7 +133,7 @@ TEST(ImportanceSamples, GoWhereTheWeightIs) {
   }
 }
 
-// N40: a floor below all weights, as in the original code, would send samples into the empty intervals.
+// A floor below all weights, as in the original code, would send samples into the empty intervals.
 TEST(ImportanceSamples, IntervalsWithoutWeightGetNone) {
   const std::vector<float> weights = {0, 0.5f, 0, 0, 1e-6f, 0, 0, 0};
   io::Random random(3, io::Stream::kRay, 0, 0);
@@ -144,7 +141,6 @@ TEST(ImportanceSamples, IntervalsWithoutWeightGetNone) {
     EXPECT_TRUE((t >= 2.5f && t <= 3.f) || (t >= 4.f && t <= 4.5f)) << t;
 }
 
-// N40
 TEST(ImportanceSamples, SpreadEvenlyWhereNoWeightSaysOtherwise) {
   const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   const std::vector<float> cases[] = {{0, 0, 0, 0}, {nan, 1, 1, 1}, {0, 0, inf, 0}, {-1, -1, -1, -1}};
@@ -155,7 +151,6 @@ TEST(ImportanceSamples, SpreadEvenlyWhereNoWeightSaysOtherwise) {
   }
 }
 
-// N40
 TEST(ImportanceSamples, FollowTheDensityOfTheWeights) {
   const std::vector<float> weights = {0.1f, 1, 0, 3, 1e-3f, 0.5f, 2, 0.05f};
   double total = 0, chi_square = 0;
@@ -180,7 +175,7 @@ TEST(ImportanceSamples, FollowTheDensityOfTheWeights) {
   EXPECT_LT(chi_square, 55.5) << "p < 1e-3";
 }
 
-// N40: with n stratified quantiles the mean is that of the density to half a quantile.
+// With n stratified quantiles the mean is that of the density to half a quantile.
 TEST(ImportanceSamples, MeanIsUnbiased) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     io::Random random(seed, io::Stream::kInit, 0, 0);
@@ -270,10 +265,9 @@ void Print(const char* scene, const char* rule, const std::array<double, 4>& err
   std::printf("\n");
 }
 
-// N48: order of convergence from n to 16 n.
+// Order of convergence from n to 16 n.
 double Order(double coarse, double fine) { return std::log(coarse / fine) / std::log(16); }
 
-// N48
 TEST(Quadrature, MidpointErrorsAreThoseOfTheTable) {
   constexpr double kTable[][4] = {{3.0e-3, 1.8e-4, 1.1e-5, 7.2e-7},
                                   {1.4e-1, 5.4e-3, 3.0e-4, 1.8e-5},
@@ -288,7 +282,7 @@ TEST(Quadrature, MidpointErrorsAreThoseOfTheTable) {
   }
 }
 
-// N48: the density left at far, 3e-7, is opaque over 1e10 units and paints the remaining 7 % of the light.
+// The density left at far, 3e-7, is opaque over 1e10 units and paints the remaining 7 % of the light.
 TEST(Quadrature, OpenEndStallsOnASmoothBlobWhereClosedIntervalsConverge) {
   const std::array<double, 4> classic = Errors(kScenes[0], Rule::kClassic);
   const std::array<double, 4> random = Errors(kScenes[0], Rule::kRandomClosed);

@@ -14,7 +14,7 @@
 namespace nerf {
 namespace {
 
-SceneContraction Map(bool unbounded) { return {{0.5f, -0.25f, 0.125f}, 1.5f, unbounded}; }
+SceneContraction Contraction(bool unbounded) { return {{0.5f, -0.25f, 0.125f}, 1.5f, unbounded}; }
 
 Ray RandomRay(std::uint64_t seed) {
   io::Random random(seed, io::Stream::kRay, 0, 0);
@@ -31,38 +31,40 @@ Ray RandomRay(std::uint64_t seed) {
 
 TEST(SceneContraction, InverseAndCentre) {
   for (const bool unbounded : {false, true}) {
-    const SceneContraction map = Map(unbounded);
+    const SceneContraction contraction = Contraction(unbounded);
     io::Random random(1, io::Stream::kInit, 0, 0);
     for (int i = 0; i < 1000; ++i) {
       float unit[3], x[3], back[3];
       for (float& u : unit) u = 0.02f + 0.96f * random.Uniform();
-      map.FromUnit(unit, x);
-      map.ToUnit(x, back);
+      contraction.FromUnit(unit, x);
+      contraction.ToUnit(x, back);
       for (int j = 0; j < 3; ++j) ASSERT_NEAR(back[j], unit[j], 2e-5);
     }
     const float centre[3] = {0.5f, -0.25f, 0.125f};
     float unit[3];
-    map.ToUnit(centre, unit);
+    contraction.ToUnit(centre, unit);
     for (const float u : unit) EXPECT_EQ(u, 0.5f);
   }
   const float far[3] = {1e30f, -1e30f, 0};
   float unit[3];
-  Map(true).ToUnit(far, unit);
+  Contraction(true).ToUnit(far, unit);
   for (const float u : unit) EXPECT_TRUE(u >= 0 && u <= 1);
 }
 
 TEST(SceneContraction, NoRayIsFasterThanTheBoundAndSomeReachIt) {
-  const SceneContraction map = Map(true);
+  const SceneContraction contraction = Contraction(true);
   const auto slack = [&](const Ray& ray, float t) {
     const float h = 1e-3f;
     float a[3], b[3], ua[3], ub[3], speed = 0;
     for (int i = 0; i < 3; ++i)
       a[i] = ray.origin[i] + t * ray.direction[i], b[i] = a[i] + h * ray.direction[i];
-    map.ToUnit(a, ua);
-    map.ToUnit(b, ub);
+    contraction.ToUnit(a, ua);
+    contraction.ToUnit(b, ub);
     for (int i = 0; i < 3; ++i) speed = std::max(speed, std::fabs(ub[i] - ua[i]) / h);
-    const float reach = map.Reach(a);
-    return kernels::reference::ContractedSpeed(reach, map.Reach(b) > reach) / map.InnerSide() - speed;
+    const float reach = contraction.Reach(a);
+    return kernels::reference::ContractedSpeed(reach, contraction.Reach(b) > reach) /
+               contraction.InnerSide() -
+           speed;
   };
   int outside = 0;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
@@ -70,14 +72,15 @@ TEST(SceneContraction, NoRayIsFasterThanTheBoundAndSomeReachIt) {
     for (float t = 0; t < 30; t += 0.25f) {
       float x[3];
       for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + t * ray.direction[i];
-      ASSERT_GE(slack(ray, t), -3e-4f) << "reach " << map.Reach(x);
-      outside += map.Reach(x) > 1.5f;
+      ASSERT_GE(slack(ray, t), -3e-4f) << "reach " << contraction.Reach(x);
+      outside += contraction.Reach(x) > 1.5f;
     }
   }
   EXPECT_GT(outside, 10000);
   // The fastest: beside an edge of the cube m = 1.25, along y and towards x = 0.
-  const float m = 1.25f * map.half, along = 1.5f / std::sqrt(2.5f), towards = -0.5f / std::sqrt(2.5f);
-  const Ray fastest = {{map.centre[0] + m, map.centre[1] + m - 0.01f, map.centre[2]}, {towards, along, 0}};
+  const float m = 1.25f * contraction.half, along = 1.5f / std::sqrt(2.5f), towards = -0.5f / std::sqrt(2.5f);
+  const Ray fastest = {{contraction.centre[0] + m, contraction.centre[1] + m - 0.01f, contraction.centre[2]},
+                       {towards, along, 0}};
   EXPECT_NEAR(slack(fastest, -1e-3f), 0, 3e-4);
 }
 
@@ -85,15 +88,15 @@ TEST(SceneContraction, NoRayIsFasterThanTheBoundAndSomeReachIt) {
 // too.
 TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
   for (const bool unbounded : {false, true}) {
-    const SceneContraction map = Map(unbounded);
-    OccupancyGrid grid(64, map);
+    const SceneContraction contraction = Contraction(unbounded);
+    OccupancyGrid grid(64, contraction);
     for (int i = 0; i < 8000; ++i)  // below half of the height: there is room above for long jumps
       grid.SetCandidate(
           io::Random(3, io::Stream::kInit, 0, static_cast<std::uint64_t>(i)).Below(64 * 64 * 32));
     grid.Rebuild();
     const SamplerOptions options{
         .near = 0.01f, .far = 40, .step_size = 0.004f, .cone_angle = unbounded ? 0.002f : 0.f};
-    const Sampler sampler(options, map, grid);
+    const Sampler sampler(options, contraction, grid);
     int hits = 0;
     for (std::uint64_t seed = 0; seed < 300; ++seed) {
       const Ray ray = RandomRay(seed);
@@ -106,14 +109,14 @@ TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
       for (float s = first; s < last; s += 0.001f) {
         float x[3], unit[3];
         for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + s * ray.direction[i];
-        map.ToUnit(x, unit);
+        contraction.ToUnit(x, unit);
         const std::uint32_t cell = grid.CellAt(unit);
         if (grid.Distance(cell) != 0 || found[cell]) continue;
         // A corner cut shorter than one interval may fall between two samples; a real crossing may not.
         float inside = 0;
         for (float u = s; u < last; u += 0.001f) {
           for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + u * ray.direction[i];
-          map.ToUnit(x, unit);
+          contraction.ToUnit(x, unit);
           if (grid.CellAt(unit) != cell) break;
           inside = u - s;
         }
@@ -128,11 +131,11 @@ TEST(Sampler, JumpsNeverPassAnOccupiedCell) {
 }
 
 TEST(Sampler, IntervalsDoNotOverlapAndCoverAFullGrid) {
-  const SceneContraction map = Map(false);
-  OccupancyGrid grid(64, map);
+  const SceneContraction contraction = Contraction(false);
+  OccupancyGrid grid(64, contraction);
   for (std::uint32_t c = 0; c < grid.n_cells(); ++c) grid.SetCandidate(c);
   grid.Rebuild();
-  const Sampler sampler({.near = 0.f, .far = 100, .step_size = 0.01f}, map, grid);
+  const Sampler sampler({.near = 0.f, .far = 100, .step_size = 0.01f}, contraction, grid);
   const Ray ray{{-5, -0.25f, 0.125f}, {1, 0, 0}};
   float t, last;
   sampler.Range(ray, &t, &last);
@@ -150,9 +153,9 @@ TEST(Sampler, IntervalsDoNotOverlapAndCoverAFullGrid) {
 }
 
 TEST(Sampler, SlabTestSurvivesZeroComponentsAndFaces) {
-  const SceneContraction map{{0, 0, 0}, 1, false};
-  OccupancyGrid grid(64, map);
-  const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, map, grid);
+  const SceneContraction contraction{{0, 0, 0}, 1, false};
+  OccupancyGrid grid(64, contraction);
+  const Sampler sampler({.near = 0.f, .far = 10, .step_size = 0.01f}, contraction, grid);
   const auto hits = [&](Ray ray) {
     float first, last;
     sampler.Range(ray, &first, &last);
@@ -167,14 +170,13 @@ TEST(Sampler, SlabTestSurvivesZeroComponentsAndFaces) {
   EXPECT_TRUE(hits({{1e-30f, 1e-30f, -3}, {1e-38f, 0, 1}}));
 }
 
-// N39
 TEST(Sampler, DegenerateRangesGiveNoSamplesAndNoNegativeLength) {
-  const SceneContraction map{{0, 0, 0}, 1, false};
-  OccupancyGrid grid(64, map);
+  const SceneContraction contraction{{0, 0, 0}, 1, false};
+  OccupancyGrid grid(64, contraction);
   for (std::uint32_t c = 0; c < grid.n_cells(); ++c) grid.SetCandidate(c);
   grid.Rebuild();
   const auto march = [&](float near, float far, const Ray& ray) {
-    const Sampler sampler({.near = near, .far = far, .step_size = 0.01f}, map, grid);
+    const Sampler sampler({.near = near, .far = far, .step_size = 0.01f}, contraction, grid);
     float t, last;
     sampler.Range(ray, &t, &last);
     const Samples samples = MarchRay(sampler, ray, last, 100000, &t);
@@ -199,8 +201,8 @@ TEST(Sampler, DegenerateRangesGiveNoSamplesAndNoNegativeLength) {
 }
 
 TEST(OccupancyGrid, DistancesEqualBruteForce) {
-  const SceneContraction map = Map(false);
-  OccupancyGrid grid(64, map);
+  const SceneContraction contraction = Contraction(false);
+  OccupancyGrid grid(64, contraction);
   std::vector<std::array<int, 3>> occupied;
   for (std::uint64_t i = 0; i < 12; ++i) {
     const std::uint32_t cell = io::Random(5, io::Stream::kInit, 0, i).Below(64 * 64 * 64);
@@ -227,8 +229,8 @@ TEST(OccupancyGrid, DistancesEqualBruteForce) {
 }
 
 TEST(OccupancyGrid, VisitsPruneAndProbesRevive) {
-  const SceneContraction map = Map(false);
-  OccupancyGrid grid(64, map);
+  const SceneContraction contraction = Contraction(false);
+  OccupancyGrid grid(64, contraction);
   grid.SetCandidate(1000);
   grid.Rebuild();
   EXPECT_EQ(grid.Distance(1000), 0);

@@ -94,8 +94,8 @@ class HashGradientTest : public testing::Test {
 
   HashGradientTest()
       : scene_(tests::BallScene(dir_.path(), 4, 0, {.size = 24})),
-        map_(SceneContraction::FromScene(scene_, false)),
-        grid_(64, map_),
+        contraction_(SceneContraction::FromScene(scene_, false)),
+        grid_(64, contraction_),
         field_(
             {.grid = {.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40},
              .bf16_network = kBf16},
@@ -113,12 +113,12 @@ class HashGradientTest : public testing::Test {
     field_.Refresh();
   }
 
-  void Train(int pixel_rays, float distortion, float full_gradient_distance) {
-    const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, map_, grid_);
-    // Every sample counts, so that the twin needs no choice of its own.
+  void Train(int samples_per_pixel, float distortion, float full_gradient_distance) {
+    const Sampler sampler({.near = 2, .far = 6, .step_size = 0.1f}, contraction_, grid_);
+    // Every sample counts, so that the reference needs no choice of its own.
     const BatchPlan plan{.seed = 3,
                          .n_rays = kRays,
-                         .pixel_rays = pixel_rays,
+                         .samples_per_pixel = samples_per_pixel,
                          .n_shards = 1,
                          .distortion = distortion,
                          .full_gradient_distance = full_gradient_distance,
@@ -131,7 +131,7 @@ class HashGradientTest : public testing::Test {
   }
 
   // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
-  double TrainTwin(int pixel_rays, float distortion, float full_gradient_distance) {
+  double TrainReference(int samples_per_pixel, float distortion, float full_gradient_distance) {
     const Samples& samples = shard_.samples.sorted;
     const std::vector<BatchRay>& rays = scratch_.batch.rays;
     std::vector<double> harmonics, deltas(samples.delta.begin(), samples.delta.end());
@@ -158,17 +158,18 @@ class HashGradientTest : public testing::Test {
       const BatchRay& ray = rays[r];
       const at::Tensor own = tau.narrow(0, first, ray.n_kept), depth = own.cumsum(0);
       const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
-      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / pixel_rays;
-      const at::Tensor transmittance = torch::exp(-own.sum()) / pixel_rays;
-      loss = loss + Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / pixel_rays;
+      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / samples_per_pixel;
+      const at::Tensor transmittance = torch::exp(-own.sum()) / samples_per_pixel;
+      loss = loss +
+             Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / samples_per_pixel;
       first += ray.n_kept;
-      const bool begins = r % static_cast<std::size_t>(pixel_rays) == 0;
+      const bool begins = r % static_cast<std::size_t>(samples_per_pixel) == 0;
       pixel_colour = begins ? colour : pixel_colour + colour;
       pixel_transmittance = begins ? transmittance : pixel_transmittance + transmittance;
-      if ((r + 1) % static_cast<std::size_t>(pixel_rays) == 0)
+      if ((r + 1) % static_cast<std::size_t>(samples_per_pixel) == 0)
         loss = loss + Loss(ray.target, pixel_colour, pixel_transmittance);
     }
-    (loss * pixel_rays / kRays).backward();
+    (loss * samples_per_pixel / kRays).backward();
     return loss.item<double>();
   }
 
@@ -201,14 +202,14 @@ class HashGradientTest : public testing::Test {
     return gradient;
   }
 
-  static double RelativeError(const std::vector<float>& ours, const at::Tensor& twin) {
-    const at::Tensor difference = Parameter(ours).detach() - twin;
-    return (difference.norm() / twin.norm()).template item<double>();
+  static double RelativeError(const std::vector<float>& ours, const at::Tensor& reference) {
+    const at::Tensor difference = Parameter(ours).detach() - reference;
+    return (difference.norm() / reference.norm()).template item<double>();
   }
 
   TempDir dir_;
   io::Scene scene_;
-  SceneContraction map_;
+  SceneContraction contraction_;
   OccupancyGrid grid_;
   HashField field_;
   at::Tensor table_, weights_;
@@ -218,19 +219,19 @@ class HashGradientTest : public testing::Test {
 using Reals = testing::Types<float, kernels::Bf16>;
 TYPED_TEST_SUITE(HashGradientTest, Reals);
 
-TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheLibTorchTwin) {
+TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheReferenceInLibTorch) {
   struct Case {
-    int pixel_rays;
+    int samples_per_pixel;
     float distortion, full_gradient_distance;
   };
   for (const Case& c : {Case{1, 0, 0}, {4, 0, 0}, {1, 0.3f, 0}, {4, 0.3f, 0}, {1, 0.3f, 4}}) {
-    SCOPED_TRACE(testing::Message() << c.pixel_rays << " rays, distortion " << c.distortion
+    SCOPED_TRACE(testing::Message() << c.samples_per_pixel << " rays, distortion " << c.distortion
                                     << ", whole gradients from " << c.full_gradient_distance);
-    this->Train(c.pixel_rays, c.distortion, c.full_gradient_distance);
+    this->Train(c.samples_per_pixel, c.distortion, c.full_gradient_distance);
     ASSERT_FALSE(this->shard_.loss.bad_ray);
     ASSERT_GT(this->shard_.samples.sorted.size(), 500);
     this->table_.mutable_grad() = this->weights_.mutable_grad() = at::Tensor();
-    const double loss = this->TrainTwin(c.pixel_rays, c.distortion, c.full_gradient_distance);
+    const double loss = this->TrainReference(c.samples_per_pixel, c.distortion, c.full_gradient_distance);
     EXPECT_NEAR(this->shard_.loss.loss, loss, this->kTolerance * loss);
     EXPECT_LT(this->RelativeError(this->shard_.weight_gradients, this->weights_.grad()), this->kTolerance);
     EXPECT_LT(this->RelativeError(this->TableGradient(), this->table_.grad()), this->kTolerance);

@@ -62,7 +62,6 @@ MlpLayer LayerOf(const TrainOptions& options, std::size_t layer) {
   return Layers(MlpOptionsOf(options.field.mlp))[layer];
 }
 
-// N26, N27
 TEST(MlpFaults, ANaNInAnyLayerIsFoundInTheSameStepWhichIsNotApplied) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
@@ -88,7 +87,7 @@ TEST(MlpFaults, ANaNInAnyLayerIsFoundInTheSameStepWhichIsNotApplied) {
   }
 }
 
-// N26: a loss may be finite where its gradient is not. Here a ReLU hides -inf, and 0 * inf appears on the way
+// A loss may be finite where its gradient is not. Here a ReLU hides -inf, and 0 * inf appears on the way
 // back.
 TEST(MlpFaults, AGradientThatIsNotFiniteNamesItsLayer) {
   const TempDir dir;
@@ -111,7 +110,6 @@ void Poison(const std::filesystem::path& folder, const Change& change) {
   WriteCheckpoint(folder / "checkpoint.bin", scene_field.get(), state);
 }
 
-// N28
 TEST(MlpFaults, TrainingGivesUpAfterThreeSkippedStepsAndLeavesTheCheckpointAlone) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
@@ -124,7 +122,7 @@ TEST(MlpFaults, TrainingGivesUpAfterThreeSkippedStepsAndLeavesTheCheckpointAlone
   EXPECT_EQ(io::ReadFile(dir / "checkpoint.bin"), before);
 }
 
-// N17: the density's bias holds every ReLU density at 0, where no gradient moves it.
+// The density's bias holds every ReLU density at 0, where no gradient moves it.
 TEST(MlpFaults, ADeadStartIsRestartedOnceByStep500) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 4, 0, kStratifiedFar);
@@ -161,7 +159,6 @@ int StepsToFiveDb(const io::Scene& scene, const TrainOptions& options, std::uint
   return step;
 }
 
-// N16
 TEST(MlpFaults, EverySeedComesAliveOnASceneThatIsMostlyWhite) {
   const TempDir dir;
   io::Scene scene = tests::BallScene(dir.path(), 12, 0, {.size = 24, .focal = 0.875});

@@ -96,7 +96,6 @@ class PrunedRun : public testing::Test {
 TempDir* PrunedRun::dir_;
 io::Scene PrunedRun::scene_;
 
-// N32
 TEST_F(PrunedRun, SameBytesForAnyNumberOfThreads) {
   const auto one = CopyOf(*dir_ / "run", "one"), three = CopyOf(*dir_ / "run", "three");
   TrainOptions options = SmallMlp(kEnd, kRays);
@@ -107,7 +106,6 @@ TEST_F(PrunedRun, SameBytesForAnyNumberOfThreads) {
   ExpectSameState(one, three);
 }
 
-// N50
 TEST_F(PrunedRun, ResumeContinuesBitForBit) {
   const auto straight = CopyOf(*dir_ / "run", "straight"), cut = CopyOf(*dir_ / "run", "cut");
   Train(scene_, {}, SmallMlp(kEnd, kRays), straight);
@@ -118,7 +116,6 @@ TEST_F(PrunedRun, ResumeContinuesBitForBit) {
   ExpectSameState(straight, cut);
 }
 
-// N50
 TEST(HashTraining, ResumeContinuesBitForBit) {
   const TempDir dir;
   const io::Scene scene = SmallBall(dir.path(), 8, 0, kStratifiedFar);
@@ -127,8 +124,8 @@ TEST(HashTraining, ResumeContinuesBitForBit) {
   options.field.log2_hashmap_size = 12;
   options.field.finest_resolution = 64;
   options.field.grid_resolution = 64;
-  options.schedule =
-      TrainingSchedule{.hold = 1, .first_step_scale = 1, .pixel_rays_from = 1};  // independent of `steps`
+  options.schedule = TrainingSchedule{
+      .hold = 1, .first_step_scale = 1, .samples_per_pixel_from = 1};  // independent of `steps`
   for (const auto& [folder, steps] : {std::pair("straight", 45), {"cut", 37}, {"cut", 45}}) {
     options.steps = steps;
     std::filesystem::create_directories(dir / folder);

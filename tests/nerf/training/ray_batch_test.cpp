@@ -58,9 +58,9 @@ TEST(DrawRays, PixelsWithBackgroundInThemAreComparedOnIt) {
     dataset.pixels.insert(dataset.pixels.end(), &rgb[3 * p], &rgb[3 * p] + 3);
     dataset.pixels.push_back(static_cast<std::uint8_t>((p % 3 * 255 + 1) / 2));
   }
-  const SceneContraction map{{0, 0, 0}, 10, false};
-  const OccupancyGrid grid(64, map);
-  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, map, grid);
+  const SceneContraction contraction{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, contraction);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, contraction, grid);
   RayBatch batch;
   DrawRays(dataset, sampler, {.seed = 1, .n_rays = 200, .n_shards = 1}, 0, &batch);
   int seen[3] = {};
@@ -77,54 +77,61 @@ TEST(DrawRays, PixelsWithBackgroundInThemAreComparedOnIt) {
 
 TEST(DrawRays, RaysOfAPixelAreRandomInTheCellsOfItsLattice) {
   const Dataset dataset = OneView();
-  const SceneContraction map{{0, 0, 0}, 10, false};
-  const OccupancyGrid grid(64, map);
-  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, map, grid);
-  for (const int pixel_rays : {1, 4, 9}) {
-    const int side = pixel_rays == 9 ? 3 : pixel_rays == 4 ? 2 : 1, n_pixels = 100;
+  const SceneContraction contraction{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, contraction);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, contraction, grid);
+  for (const int samples_per_pixel : {1, 4, 9}) {
+    const int side = samples_per_pixel == 9 ? 3 : samples_per_pixel == 4 ? 2 : 1, n_pixels = 100;
     RayBatch batch;
     std::vector<BatchRay> rays;
     for (int shard = 0; shard < 3; ++shard) {
-      const BatchPlan plan{
-          .seed = 1, .n_rays = n_pixels * pixel_rays, .pixel_rays = pixel_rays, .n_shards = 3};
+      const BatchPlan plan{.seed = 1,
+                           .n_rays = n_pixels * samples_per_pixel,
+                           .samples_per_pixel = samples_per_pixel,
+                           .n_shards = 3};
       DrawRays(dataset, sampler, plan, shard, &batch);
-      ASSERT_EQ(batch.rays.size() % static_cast<std::size_t>(pixel_rays), 0u);
+      ASSERT_EQ(batch.rays.size() % static_cast<std::size_t>(samples_per_pixel), 0u);
       rays.insert(rays.end(), batch.rays.begin(), batch.rays.end());
     }
-    ASSERT_EQ(rays.size(), static_cast<std::size_t>(n_pixels * pixel_rays));
+    ASSERT_EQ(rays.size(), static_cast<std::size_t>(n_pixels * samples_per_pixel));
     double spread = 0;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       EXPECT_EQ(rays[r].id, r);
       const int pixel = static_cast<int>(std::lround(rays[r].target.premultiplied[0] * 255));
       const auto [x, y] = ImagePoint(rays[r].ray);
-      const int k = static_cast<int>(r) % pixel_rays;
+      const int k = static_cast<int>(r) % samples_per_pixel;
       const float u = (x - static_cast<float>(pixel % 4)) * static_cast<float>(side) -
                       static_cast<float>(k % side),
                   v = (y - static_cast<float>(pixel / 4)) * static_cast<float>(side) -
                       static_cast<float>(k / side);
       EXPECT_TRUE(u > -1e-4f && u < 1.0001f && v > -1e-4f && v < 1.0001f)
-          << pixel_rays << ": " << u << " " << v;
+          << samples_per_pixel << ": " << u << " " << v;
       spread += std::fabs(double{u} - 0.5) + std::fabs(double{v} - 0.5);
     }
     spread /= 2.0 * static_cast<double>(rays.size());
-    EXPECT_NEAR(spread, pixel_rays == 1 ? 0 : 0.25, 0.03) << "one ray is in the centre, several are random";
+    EXPECT_NEAR(spread, samples_per_pixel == 1 ? 0 : 0.25, 0.03)
+        << "one ray is in the centre, several are random";
   }
 }
 
 TEST(DrawRays, RaysOfAPixelStartStaggeredWithinTheirFirstInterval) {
   const Dataset dataset = OneView();
-  const SceneContraction map{{0, 0, 0}, 10, false};
-  const OccupancyGrid grid(64, map);
-  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, map, grid);
-  for (const int pixel_rays : {1, 4}) {
+  const SceneContraction contraction{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, contraction);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, contraction, grid);
+  for (const int samples_per_pixel : {1, 4}) {
     RayBatch batch;
-    DrawRays(
-        dataset, sampler, {.seed = 1, .n_rays = 400, .pixel_rays = pixel_rays, .n_shards = 1}, 0, &batch);
+    DrawRays(dataset,
+             sampler,
+             {.seed = 1, .n_rays = 400, .samples_per_pixel = samples_per_pixel, .n_shards = 1},
+             0,
+             &batch);
     ASSERT_EQ(batch.rays.size(), 400u);
     double mean = 0;
-    for (std::size_t first = 0; first < batch.rays.size(); first += static_cast<std::size_t>(pixel_rays)) {
+    for (std::size_t first = 0; first < batch.rays.size();
+         first += static_cast<std::size_t>(samples_per_pixel)) {
       std::vector<double> offsets;
-      for (std::size_t r = first; r < first + static_cast<std::size_t>(pixel_rays); ++r) {
+      for (std::size_t r = first; r < first + static_cast<std::size_t>(samples_per_pixel); ++r) {
         float begin, end;
         sampler.Range(batch.rays[r].ray, &begin, &end);
         offsets.push_back((batch.rays[r].t - begin) / 0.1);
@@ -134,7 +141,7 @@ TEST(DrawRays, RaysOfAPixelStartStaggeredWithinTheirFirstInterval) {
       EXPECT_GE(offsets.front(), -1e-5);
       EXPECT_LT(offsets.back(), 1 + 1e-5);
       for (std::size_t k = 1; k < offsets.size(); ++k)
-        EXPECT_NEAR(offsets[k] - offsets[k - 1], 1.0 / pixel_rays, 1e-5);
+        EXPECT_NEAR(offsets[k] - offsets[k - 1], 1.0 / samples_per_pixel, 1e-5);
     }
     EXPECT_NEAR(mean, 0.5, 0.05);
   }
@@ -167,7 +174,6 @@ TEST(EndWave, RayEndsWithTheSampleThatMakesItOpaque) {
   EXPECT_FALSE(batch.rays[0].marching);
 }
 
-// N27
 TEST(EndWave, KeepsNaNForTheLossToFind) {
   RayBatch batch = OneWave(2);
   const float nan = std::numeric_limits<float>::quiet_NaN();

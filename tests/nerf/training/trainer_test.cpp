@@ -114,7 +114,7 @@ TEST(Trainer, ResumeContinuesTheInterruptedRunBitForBit) {
   TrainOptions part = whole;
   // Independent of `steps`.
   part.schedule = whole.schedule =
-      TrainingSchedule{.entry_moments = true, .hold = 1, .first_step_scale = 1, .pixel_rays_from = 0};
+      TrainingSchedule{.entry_moments = true, .hold = 1, .first_step_scale = 1, .samples_per_pixel_from = 0};
   part.steps = 25;
   const auto straight = dir.path() / "straight", resumed = dir.path() / "resumed";
   std::filesystem::create_directories(straight);
@@ -134,11 +134,12 @@ TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
     std::filesystem::create_directories(folder);
     const io::Scene train = MakeScene(folder, 8, 0, opaque ? Behind::kRoom : Behind::kNothing);
     TrainOptions options = SmallOptions(60);
-    options.schedule = TrainingSchedule{.pixel_rays_from = 0.9};
+    options.schedule = TrainingSchedule{.samples_per_pixel_from = 0.9};
     Train(train, {}, options, folder);
     const auto field = TrainedField::Load(folder / "checkpoint.bin");
-    const auto rgb = [&](int pixel_rays, float step_scale) {
-      const RenderOptions render{.threads = 1, .step_scale = step_scale, .pixel_rays = pixel_rays};
+    const auto rgb = [&](int samples_per_pixel, float step_scale) {
+      const RenderOptions render{
+          .threads = 1, .step_scale = step_scale, .samples_per_pixel = samples_per_pixel};
       return field->Render(train.cameras[0], train.frames[0].world_from_cam, render).rgb;
     };
     EXPECT_EQ(rgb(0, 0), opaque ? rgb(1, 0.5f) : rgb(4, 0.7f)) << "several rays are for bounded scenes";
@@ -176,7 +177,7 @@ TEST(Checkpoint, EveryDamageIsRejectedByName) {
   EXPECT_GE(flipped, 60);
   TrainState state;
   const auto scene_field = ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
-  scene_field->pixel_rays = 2;
+  scene_field->samples_per_pixel = 2;
   WriteCheckpoint(dir.path() / "two_rays.bin", scene_field.get(), state);
   EXPECT_NE(verdict(io::ReadFile(dir.path() / "two_rays.bin")).find("pixel_rays"), std::string::npos);
 }

@@ -17,9 +17,9 @@ TEST(TrainingSchedule, StartsAndEndsWhereItSaysAndNeverRises) {
     EXPECT_EQ(schedule.StepScale(0), schedule.first_step_scale);
     EXPECT_NEAR(schedule.StepScale(schedule.step_scale_share), 1, 1e-12);
     EXPECT_NEAR(schedule.StepScale(1), 1, 1e-12);
-    EXPECT_EQ(schedule.PixelRays(0), 1);
-    EXPECT_EQ(schedule.PixelRays(0.699), 1);
-    EXPECT_EQ(schedule.PixelRays(0.701), n_samples > 1e8 ? 4 : 1);
+    EXPECT_EQ(schedule.SamplesPerPixel(0), 1);
+    EXPECT_EQ(schedule.SamplesPerPixel(0.699), 1);
+    EXPECT_EQ(schedule.SamplesPerPixel(0.701), n_samples > 1e8 ? 4 : 1);
     for (int i = 0; i < 100; ++i) {
       EXPECT_GE(schedule.LearningRate(0.01 * i), schedule.LearningRate(0.01 * (i + 1)));
       EXPECT_GE(schedule.StepScale(0.01 * i), schedule.StepScale(0.01 * (i + 1)));
@@ -50,7 +50,7 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
   // 50, 100, 140 and 300 million samples are 16.7, 33.3, 46.7 and 100 seconds.
   struct Budget {
     double time_s;
-    int log2_hashmap_size, pixel_rays;
+    int log2_hashmap_size, samples_per_pixel;
   };
   for (const Budget& budget : {Budget{16, 16, 1},
                                Budget{17, 17, 1},
@@ -63,7 +63,7 @@ TEST(TrainingSchedule, FollowsStepsOrTimeAndThreadsUnlessGiven) {
     options.time_s = budget.time_s;
     const TrainingSchedule schedule = ScheduleOf(options, true);
     EXPECT_EQ(schedule.log2_hashmap_size, budget.log2_hashmap_size) << budget.time_s;
-    EXPECT_EQ(schedule.PixelRays(1), budget.pixel_rays) << budget.time_s;
+    EXPECT_EQ(schedule.SamplesPerPixel(1), budget.samples_per_pixel) << budget.time_s;
   }
   options.time_s = 3600;
   EXPECT_EQ(ScheduleOf(options, true).log2_hashmap_size, ScheduleFor(1e9).log2_hashmap_size);

@@ -63,7 +63,7 @@ TEST_F(FilmTest, RaysPerPixelReachTheField) {
   options_.pixel_rays = 9;
   const SphereField field;
   pipeline::RenderFilm(field, scene_, options_, folder_);
-  EXPECT_EQ(field.last_options.pixel_rays, 9);
+  EXPECT_EQ(field.last_options.samples_per_pixel, 9);
 }
 
 TEST_F(FilmTest, WidthScalesTheCamera) {
