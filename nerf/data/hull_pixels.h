@@ -7,9 +7,9 @@
 
 namespace nerf {
 
-// Leaves among the used pixels those whose rays can meet a cell of the visual hull (CarveByMasks): the others
-// have no samples and so no gradient. A pixel is left out when it is transparent and so is all around it, as
-// far as two cells can reach in that view. On Lego that is half of the pixels.
+// Keeps, of the used pixels, those whose rays can meet a cell of the visual hull (CarveByMasks); the others
+// would have no samples and so no gradient. A pixel is dropped when it is transparent and so is everything
+// around it, as far as two cells can reach in that view. On Lego that is half of the pixels.
 void DropPixelsBesideHull(const io::Scene& scene,
                           const SceneContraction& contraction,
                           int grid_resolution,

@@ -16,10 +16,12 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
                                   io::Workers* workers,
                                   OccupancyGrid* grid);
 
-// Opaque pictures: cells that fewer than two views see at distances beyond `near` are empty (one view cannot
-// place anything in depth), and so are cells that lie in some view's picture and nearer than `near`: this
-// view looks through what other views, a few of them mostly, would put there. Views see through their used
-// pixels: elsewhere training never meets the density that a cell starts with, which would stay as fog.
+// Opaque pictures. A cell is empty when
+//   - fewer than two views see it at a distance beyond `near`, since one view alone cannot tell depth; or
+//   - some view sees it nearer than `near`. That view renders nothing there, so nothing keeps a few other views
+//     from putting floaters in front of it.
+// Only used pixels count as seen: where no training ray passes, the density that cells start with would stay
+// as fog.
 void CarveByFrusta(const io::Scene& scene,
                    const Dataset& dataset,
                    const SceneContraction& contraction,

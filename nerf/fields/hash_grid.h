@@ -18,8 +18,8 @@ struct HashGridOptions {
   int base_resolution = 16;    // cells per axis of the coarsest level
   int finest_resolution = 512;
   bool bf16 = false;  // look-ups read bfloat16
-  // The optimiser keeps one second moment per entry and no momentum, not Adam's two moments per value: learns
-  // faster at first, and less well in the end.
+  // The optimiser keeps one second moment per entry and no momentum, instead of Adam's two moments per value.
+  // So short runs reach more, and long runs less.
   bool entry_moments = false;
 };
 

@@ -13,12 +13,12 @@
 
 namespace nerf {
 
-// The defaults train best; ReportTrainOptions().field.mlp are the report's.
+// The defaults train best; ReportTrainOptions() has the report's values.
 struct MlpFieldOptions {
   EncodingOptions position = {.frequencies = 10};
   EncodingOptions direction = {.frequencies = 4, .times_pi = false};
-  // Positions are encoded in the cube of the scene's contraction, which fills [-1, 1] (contracted space: [-2,
-  // 2]), or in scene units.
+  // Positions are encoded in scene units; else in those of the scene's cube, which fills [-1, 1]. Contracted
+  // space around it then fills [-2, 2].
   bool scene_units = false;
   DensityActivation density = DensityActivation::kSoftplus;
   Initialisation initialisation = Initialisation::kXavier;

@@ -28,13 +28,12 @@ struct SceneField {
         sampler_options(sampling),
         field(std::move(radiance_field)),
         grid(grid_resolution, contraction) {}
-  SceneField(const SceneField&) = delete;  // the grid's contraction must stay the one above
 
   SceneContraction contraction;
   SamplerOptions sampler_options;
   std::unique_ptr<RadianceField> field;
   OccupancyGrid grid;
-  // Rays per pixel, a square: a pixel is the mean of rays through the cells of a square lattice on it.
+  // A pixel is the mean of so many rays, a square number, one through each cell of a square lattice on it.
   int samples_per_pixel = 1;
   // Of opaque pictures that share one (plain_background.h), sRGB in [0, 1].
   std::optional<std::array<float, 3>> background;

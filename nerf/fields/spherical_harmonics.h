@@ -1,6 +1,5 @@
 // Real spherical harmonics up to degree 3 (16 values) of a unit direction, the view-direction encoding of
-// instant-ngp
-// ("degree 4" in its counting). Constants: Sloan 2008, appendix A2, Condon-Shortley sign.
+// instant-ngp ("degree 4" in its counting). Constants: Sloan 2008, appendix A2, Condon-Shortley sign.
 #pragma once
 
 namespace nerf {

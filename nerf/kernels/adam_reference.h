@@ -1,4 +1,4 @@
-// The plain references of the optimisers' kernels.
+// The plain reference of the optimisers' kernels.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// bfloat16 one value at a time, for the references and the tests.
+// bfloat16 one value at a time, for the reference kernels and the tests.
 #pragma once
 
 #include <bit>

@@ -5,7 +5,7 @@
 // Layout: matrices are row-major with one row per sample. Widths (k, m) are multiples of 16 unless stated;
 // arrays need no particular alignment; the caller owns all memory; in- and outputs do not overlap.
 //
-// Error bounds against exact arithmetic (swept in tests/nerf_kernels_test.cpp):
+// Error bounds against exact arithmetic (swept in tests/nerf/kernels/kernels_test.cpp):
 //   exp: relative error <= 2.5e-7 for x in [-87, 88], e^-87 below (not denormal), e^88 above, NaN stays;
 //   1 - e^-x: relative error <= 5e-7 for x in [0, inf);
 //   sigmoid: relative error <= 6e-7;

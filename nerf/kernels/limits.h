@@ -23,7 +23,7 @@ struct ArithmeticProbe {
 // Of a build that FindKernels knows; nullptr when this CPU lacks it.
 const ArithmeticProbe* FindArithmeticProbe(const char* name);
 
-// io::Random accesses to the entries of a table, of kFeatures values each. `mask` + 1 entries, a power of two
+// Random accesses to the entries of a table, of kFeatures values each. `mask` + 1 entries, a power of two
 // and at least kPicks; picks: kPicks random entries, which every round moves elsewhere. rounds * kPicks
 // accesses.
 inline constexpr int kPicks = 1024;
@@ -31,7 +31,7 @@ std::uint64_t GatherEntries(const float* table, std::uint32_t mask, const std::u
 std::uint64_t GatherEntries(const Bf16* table, std::uint32_t mask, const std::uint32_t* picks, int rounds);
 void UpdateEntries(float* table, std::uint32_t mask, const std::uint32_t* picks, int rounds);
 
-// From one end to the other; n is a multiple of 16. What is returned has no meaning but that it was computed.
+// From one end to the other; n is a multiple of 16. The sum is returned so that the compiler keeps the work.
 std::uint64_t StreamRead(std::size_t n, const float* values);
 void StreamUpdate(std::size_t n, float* values);  // reads and writes each value
 

@@ -17,8 +17,8 @@ class OccupancyGrid {
  public:
   // A cell counts as occupied when crossing it absorbs more than this share of the light.
   static constexpr float kMinOpacity = 0.03f;
-  // Each visit by a training sample lets the remembered density decay by 5 %; a cell starts at 3x the
-  // threshold and so survives about 22 visits without density before it is dropped.
+  // Each visit by a training sample lets the remembered density decay by 5 %. A cell starts at 3 times the
+  // threshold, so it is dropped after about 22 visits that found no density.
   static constexpr float kDecay = 0.95f;
   static constexpr float kInitialFactor = 3.f;
   static constexpr float kProbeDecay = 0.8f;
@@ -49,8 +49,9 @@ class OccupancyGrid {
 
   // A training sample saw density sigma in the cell.
   void Visit(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell] * kDecay, sigma); }
-  // A probe at a random point of the cell, whether or not training visits it: density can come back, and fog
-  // that no ray meets goes. Five probes take a cell from its initial density below the threshold.
+  // The density at a random point of the cell, whether or not training rays visit it: so density can come back,
+  // and fog that no ray meets disappears. Five probes of 0 take a cell from its initial density below the
+  // threshold.
   void Probe(std::uint32_t cell, float sigma) {
     density_[cell] = std::max(density_[cell] * kProbeDecay, sigma);
   }

@@ -7,7 +7,7 @@
 // original code. The open rule has a bias that more samples do not cure: any density left at far, however
 // small, is opaque over 1e10 units, so a smooth blob (3 exp(-((t-4) / 0.5)^2), colour 0.5 + 0.5 sin 3t, 2
 // to 6) is off by 8e-3 in colour at 64 and at 1024 samples alike, where closed midpoints reach 2e-4 and 7e-7
-// (tests/nerf_quadrature_test.cpp prints the table).
+// (tests/nerf/sampling/quadrature_test.cpp prints the table).
 #pragma once
 
 #include <cmath>

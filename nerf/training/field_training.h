@@ -18,7 +18,7 @@ struct StepOutcome {
   std::uint64_t n_rays = 0, n_samples = 0;
   double loss = 0, squared_error = 0, opacity = 0;  // means over rays; squared_error over channels as well
   double flop = 0;                                  // of the network, where it dominates; else 0
-  // Not empty: a value was not finite; names it and its ray. Nothing was changed then.
+  // Not empty: a value was not finite; names it and its ray. Field and optimiser are then as before.
   std::string fault;
 };
 
@@ -30,7 +30,8 @@ class FieldTraining {
   virtual StepOutcome Step(double progress, TrainState* state) = 0;
   // What computes: "avx512 kernels", "LibTorch 1.13.0 (CPU), bf16".
   virtual std::string Arithmetic() const = 0;
-  // The machine's rate of the products that the network consists of, measured now; 0 where nobody asks.
+  // How fast the machine computes matrix products of the network's size, measured now; 0: not measured for this
+  // kind of field.
   virtual double GemmGflops() const { return 0; }
 };
 
@@ -53,8 +54,8 @@ void AddLoss(const ShardLoss& shard, double n_pixels, StepOutcome* outcome);
 // Tells the occupancy grid what marching has seen.
 void VisitCells(const ShardSamples& samples, OccupancyGrid* grid);
 
-// Asks the field at a random point of every `stride`-th candidate cell, another set each `turn`, and
-// remembers the densities. Part of the step number `step`, which must be a multiple of kRebuildEvery.
+// Queries the density at a random point of every `stride`-th candidate cell, of other cells each `turn`, and
+// tells the occupancy grid. seed and step choose the points.
 void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
                     std::uint64_t stride,
                     std::uint64_t turn,

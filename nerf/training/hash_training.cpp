@@ -16,11 +16,12 @@ constexpr int kShards = 16;
 // Training follows a ray to a transmittance of 1e-2; in unbounded scenes, where thin leftovers behind the
 // surfaces would take most of the samples, to 2e-2. The loss closes what is left.
 constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
-// Weight of the distortion loss in unbounded scenes, where fog would satisfy the few views of what is far
-// away. It grows over the first share of a run: at full weight from the start it can drive all light into fog
-// right before the cameras.
+// Weight of the distortion loss in unbounded scenes: the few views that see a far place would be satisfied by
+// fog as well. The weight grows over the first share of a run: at full weight from the start it can drive all
+// light into fog right before the cameras.
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
-// In unbounded scenes gradients are whole from here on: `near`, before which no camera has its subject.
+// BatchPlan::full_gradient_distance in unbounded scenes: `near` of normalised ones, since no camera has its
+// subject nearer than that.
 constexpr float kFullGradientDistance = 2;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
@@ -28,7 +29,7 @@ constexpr std::uint64_t kRebuildSamples = 1 << 20;
 // At each rebuild every 16th candidate cell is probed, in turn; while the first coarse shape forms, every 4th
 // is.
 constexpr std::uint64_t kProbeStride = 16, kFirstProbeStride = 4, kFirstSamples = 1 << 24;
-// Few, so that rays end soon after they became opaque: what is saved buys more rays.
+// Few, so that rays end soon after they became opaque; the time that this saves is spent on more rays.
 constexpr int kWaveSamples = 4;
 
 template <typename Real>

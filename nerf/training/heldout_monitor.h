@@ -1,5 +1,5 @@
-// Quality while training: held-out pixels, and the error of the best constant picture that a living field
-// must beat.
+// Quality while training: that of held-out pixels, and the error of the best constant picture, which a field
+// beats unless its training has collapsed.
 #pragma once
 
 #include <vector>

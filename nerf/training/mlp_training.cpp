@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kShards = 4;
 constexpr int kMinRays = 128;
-constexpr int kWaveSamples = 4;  // a query costs a third of a training pass: short waves pay
+constexpr int kWaveSamples = 4;  // few: a sample queried in vain costs a third of one that is trained on
 // Light below 2e-2 is not followed. With intervals that shrink over the run, as those of `hash`, this was
 // worth 0.8 dB on Lego after 105 CPU s.
 constexpr float kEarlyStopDepth = 3.9f;

@@ -20,23 +20,23 @@ namespace nerf {
 struct BatchPlan {
   std::uint64_t seed = 0, step = 0;
   int n_rays = 0;  // of the whole batch, a multiple of samples_per_pixel
-  // Rays of a pixel, a square number; they follow one another, random in the cells of a square lattice.
+  // Rays through each pixel, a square number: one at random in each cell of a square lattice. They follow one
+  // another in the batch.
   int samples_per_pixel = 1;
   int n_shards = 16;
   float step_scale = 1;  // of the sampler's intervals
-  // On which all pixels must look right; without it, on any (volume_rendering.h).
+  // The background on which pixels are compared; none: the mean over all backgrounds (volume_rendering.h).
   std::optional<std::array<float, 3>> background;
   float distortion = 0;  // `hash`: weight of that loss (distortion.h), a mean over rays
-  // `hash`: gradients of samples nearer than this are scaled by the square of their share of it [Philip and
-  // Deschaintre 2023]. Near a camera few rays of others pass, and all of its own are dense: unscaled, things
-  // that this one view alone has seen grow right before it. 0: none.
+  // `hash`: t0. Close to a camera, samples are seen by almost no other view; scaling their gradients by
+  // (t / t0)^2 where t < t0 prevents floaters [Philip and Deschaintre 2023]. 0: no scaling.
   float full_gradient_distance = 0;
   // Optical depth at which a ray ends; the light left over counts as background.
   float early_stop_depth = 6.9f;
-  // Samples a ray contributes to one wave before its transmittance is looked at: what is marched and queried
-  // in vain behind a surface is at most one wave.
+  // Samples of a ray in one wave. Its transmittance is looked at after each wave, so at most one wave is
+  // marched and queried in vain behind a surface.
   int wave_samples = 16;
-  // Samples with less weight are dropped: they carry neither colour nor, relative to the others, gradient.
+  // Samples with less weight are not differentiated: they add almost nothing to colour or gradient.
   float min_weight = 0;
   int max_samples = 1024;  // per ray, up to one wave more; what lies behind is treated as background
 };

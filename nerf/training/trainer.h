@@ -16,13 +16,13 @@ namespace nerf {
 
 inline constexpr double kMlpLearningRate = 2e-3;
 
-// What only the `nerf` field has; the defaults train best, ReportTrainOptions() are the report's.
+// What only the `nerf` field has. The defaults train best; ReportTrainOptions() has the report's values.
 struct MlpTrainOptions {
   int rays = 4096;  // per step, at most: with the occupancy grid, samples_per_step limits them as well
   int samples_per_step = 1 << 12;
   double learning_rate_final = 0.1;  // last rate / first rate, falling exponentially; 1: constant
   // Steps over which the rate rises to the first one. Without, 6 of 8 seeds on a mostly white scene overshot
-  // into empty space and stayed there; with it none did (tests/nerf_nerf_faults_test.cpp).
+  // into empty space and stayed there; with it none did (tests/nerf/training/mlp_faults_test.cpp).
   int learning_rate_warm_up = 256;
   double first_step_scale = 2.5;  // sampling intervals start this much longer ...
   double step_scale_share = 0.3;  // ... and shrink to 1 within this share of the run

@@ -13,7 +13,7 @@ namespace kernels = nerf::kernels;
 using kernels::Bf16;
 using kernels::Epilogue;
 
-constexpr int kRows = 512;        // a chunk of train_shard.cpp
+constexpr int kRows = 512;        // a chunk of hash_shard.cpp
 constexpr int kMaxWidth = 64;     // of the networks' layers
 constexpr int kInputs = 32;       // values per row of features
 constexpr int kResolution = 512;  // cells per axis of the level: consecutive points lie 2.6 cells apart

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 """Golden values of the original NeRF's training step [Mildenhall et al. 2020], in double, from the formulas of the
-paper: python3 nerf_step.py > nerf_step.json. tests/nerf_golden_test.cpp compares the `nerf` field with them.
+paper: python3 nerf_step.py > nerf_step.json. tests/nerf/fields/golden_test.cpp compares the `nerf` field with them.
 
 Only what defines the inputs is taken over from the project: the counter-based random numbers (nerf/random.h), which
 rays and distances they pick, and the rounding of these to float."""

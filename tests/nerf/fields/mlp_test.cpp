@@ -254,7 +254,7 @@ TEST(TorchMlp, GradientsAddToThoseThatAreThere) {
 
 // Eight bits of mantissa per product. Pre-activations that cross 0 by them make up most of the
 // gradients' error; here, where every row has a gradient of its own, it does not average out as it does in a
-// batch of rays (tests/nerf_golden_test.cpp).
+// batch of rays (tests/nerf/fields/golden_test.cpp).
 TEST(TorchMlp, Bf16StaysCloseToFloat) {
   const MlpOptions exact_options, options{.bf16 = true};
   const auto exact = MakeMlp(exact_options), mlp = MakeMlp(options);
