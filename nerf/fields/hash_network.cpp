@@ -15,9 +15,6 @@ using kernels::Epilogue;
 
 constexpr std::size_t kIn = HashNetwork<float>::kInputs, kHid = HashNetwork<float>::kHidden,
                       kOut = HashNetwork<float>::kOutputs;
-// Offsets of the layers in the weight vector.
-constexpr std::size_t kW1 = 0, kW2 = kW1 + kIn * kHid, kW3 = kW2 + kHid * kOut, kW4 = kW3 + kIn * kHid,
-                      kW5 = kW4 + kHid * kHid, kWeights = kW5 + 3 * kHid;
 // Offsets in the transposed copies: W1^T [64][32], W2^T [16][64], (W3's first 16 rows)^T [64][16], W4^T
 // [64][64].
 constexpr std::size_t kT1 = 0, kT2 = kT1 + kHid * kIn, kT3 = kT2 + kOut * kHid, kT4 = kT3 + kHid * kOut,
@@ -44,9 +41,9 @@ template <typename Real>
 HashNetwork<Real>::HashNetwork(std::uint64_t seed)
     : kernels_(kernels::ActiveKernels()),
       layers_(kernels_.Network<Real>()),
-      weights_(kWeights),
-      weights_m_(kWeights, 0.f),
-      weights_v_(kWeights, 0.f),
+      weights_(kEnd),
+      weights_m_(kEnd, 0.f),
+      weights_v_(kEnd, 0.f),
       packed_(kW5),
       transposed_(kTransposed) {
   const auto init = [&](std::size_t first, std::size_t count, std::size_t fan_in, std::size_t fan_out) {
@@ -170,8 +167,7 @@ void HashNetwork<Real>::Backward(const float* logit_gradients,
 
 template <typename Real>
 void HashNetwork<Real>::Step(const kernels::AdamStep& step, float* weight_gradients) {
-  kernels_.adam(
-      step, kWeights, weight_gradients, weights_m_.data(), weights_v_.data(), weights_.data(), nullptr);
+  kernels_.adam(step, kEnd, weight_gradients, weights_m_.data(), weights_v_.data(), weights_.data(), nullptr);
   Refresh();
 }
 

@@ -38,6 +38,11 @@ template <typename Real>
 class HashNetwork {
  public:
   static constexpr int kInputs = 32, kHidden = 64, kOutputs = 16;
+  // Where the layers begin in the tensor "weights", and its end. W1 to W4 are [inputs][outputs], W5 is
+  // [3][kHidden].
+  static constexpr std::size_t kW1 = 0, kW2 = kW1 + kInputs * kHidden, kW3 = kW2 + kHidden * kOutputs,
+                               kW4 = kW3 + kInputs * kHidden, kW5 = kW4 + kHidden * kHidden,
+                               kEnd = kW5 + 3 * kHidden;
   // exp(0 - 1) = 0.37 per unit: a thin, everywhere equal fog to start from, so that gradients reach every
   // depth.
   static constexpr float kDensityBias = -1.f;

@@ -14,6 +14,11 @@ constexpr float kBeta1 = 0.9f, kBeta2 = 0.999f, kEpsilon = 1e-8f;
 constexpr int kMaxFrequencies = 20;  // 2^20 exceeds what a float position resolves
 constexpr int kMaxSamples = 1 << 14;
 
+// Rows of codes, the network's inputs. Scratch of one thread, reused.
+struct CodeRows {
+  std::vector<float> position_codes, direction_codes, ray_codes;
+};
+
 template <typename T>
 void Grow(std::vector<T>* v, std::size_t size) {
   if (v->size() < size) v->resize(size);

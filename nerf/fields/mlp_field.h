@@ -30,12 +30,6 @@ struct MlpFieldOptions {
 
 MlpOptions MlpOptionsOf(const MlpFieldOptions& options);
 
-// What one thread needs to go from samples to rows of the network; reused.
-struct CodeRows {
-  std::vector<float> position_codes, direction_codes, ray_codes;
-  std::vector<float> density, logits;
-};
-
 class MlpField : public RadianceField {
  public:
   MlpField(const MlpFieldOptions& options, bool contracted, std::uint64_t seed);

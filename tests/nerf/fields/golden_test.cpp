@@ -8,6 +8,7 @@
 #include "nerf/training/field_training.h"
 #include "nerf/training/mlp_shard.h"
 #include "nerf/training/trainer.h"
+#include "tests/support/field_tensor.h"
 #include "tests/support/torch_environment.h"
 
 namespace nerf {
@@ -85,7 +86,7 @@ TrainOptions GoldenOptions(bool bf16) {
 std::unique_ptr<SceneField> GoldenField(bool bf16) {
   const MlpFieldOptions options = GoldenOptions(bf16).field.mlp;
   auto field = std::make_unique<MlpField>(options, false, kSeed);
-  const std::span<float> weights = field->State()[0].values;
+  const std::span<float> weights = tests::TensorOf(field.get(), "weights");
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const auto word = static_cast<double>(io::Random(kSeed, io::Stream::kInit, 0, i).Bits() >> 48);
     weights[i] = static_cast<float>(5. / 32 * (word / 32768 - 1));
@@ -100,14 +101,21 @@ const MlpField& FieldOf(const SceneField& scene_field) {
   return dynamic_cast<const MlpField&>(*scene_field.field);
 }
 
-MlpShard GoldenShard(const SceneField& scene_field, int n_rays = kRays) {
+struct GoldenStep {
+  std::vector<BatchRay> rays;  // before they are sampled
+  MlpShard shard;
+};
+
+GoldenStep RunGoldenStep(const SceneField& scene_field, int n_rays = kRays) {
   const Dataset dataset = GoldenDataset();
   const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
   BatchPlan plan{.seed = kSeed, .step = 0, .n_rays = n_rays, .n_shards = 1};
   plan.background = {1, 1, 1};
-  MlpShard shard;
-  RunMlpShard({dataset, FieldOf(scene_field), sampler, plan}, 0, &shard);
-  return shard;
+  RayBatch batch;
+  DrawRays(dataset, sampler, plan, 0, &batch);
+  GoldenStep step{batch.rays, {}};
+  RunMlpShard({dataset, FieldOf(scene_field), sampler, plan}, 0, &step.shard);
+  return step;
 }
 
 // Rows that the network sees for the samples of a shard.
@@ -115,14 +123,14 @@ struct Codes {
   std::vector<float> position, direction;
 };
 
-Codes CodesOf(const SceneField& scene_field, const MlpShard& shard) {
+Codes CodesOf(const SceneField& scene_field, const GoldenStep& step) {
   const MlpField& field = FieldOf(scene_field);
   const auto stride = static_cast<std::size_t>(CodeStride(MlpOptionsOf(field.options()).direction_inputs));
   Codes codes;
-  field.EncodePositions(shard.samples.sorted, 0, kRays * kSamples, &codes.position);
+  field.EncodePositions(step.shard.samples.sorted, 0, kRays * kSamples, &codes.position);
   codes.direction.resize(stride * kRays * kSamples);
   for (std::size_t i = 0; i < kRays * kSamples; ++i)
-    field.EncodeDirection(shard.batch.rays[i / kSamples].ray.direction, &codes.direction[i * stride]);
+    field.EncodeDirection(step.rays[i / kSamples].ray.direction, &codes.direction[i * stride]);
   return codes;
 }
 
@@ -141,9 +149,9 @@ std::vector<std::vector<double>> Tensors(const std::vector<float>& gradients) {
 
 TEST(MlpGolden, DistancesAndCodesAreThePapers) {
   const auto scene_field = GoldenField(false);
-  const MlpShard shard = GoldenShard(*scene_field);
-  EXPECT_LE(MaxError(Doubles(shard.samples.sorted.t), Values("distances")), 1e-9);
-  const Codes codes = CodesOf(*scene_field, shard);
+  const GoldenStep step = RunGoldenStep(*scene_field);
+  EXPECT_LE(MaxError(Doubles(step.shard.samples.sorted.t), Values("distances")), 1e-9);
+  const Codes codes = CodesOf(*scene_field, step);
   const std::vector<double> position = Values("position_codes"), direction = Values("direction_codes");
   double worst = 0;
   for (std::size_t i = 0; i < position.size(); ++i) {  // every second sample of the first rays is stored
@@ -160,15 +168,15 @@ TEST(MlpGolden, DistancesAndCodesAreThePapers) {
 
 TEST(MlpGolden, OutputsWeightsAndLossAreThePapers) {
   const auto scene_field = GoldenField(false);
-  const MlpShard shard = GoldenShard(*scene_field);
-  const Codes codes = CodesOf(*scene_field, shard);
+  const GoldenStep step = RunGoldenStep(*scene_field);
+  const Codes codes = CodesOf(*scene_field, step);
   constexpr int kRows = kRays * kSamples;
   std::vector<float> raw(kRows), logits(3 * kRows), tau(kRows), weights(kRows), rgb(3 * kRows);
   FieldOf(*scene_field)
       .network(0)
       .Query(kRows, codes.position.data(), codes.direction.data(), raw.data(), logits.data());
   for (std::size_t i = 0; i < kRows; ++i)
-    tau[i] = Density(DensityActivation::kRelu, raw[i]) * shard.samples.sorted.delta[i];
+    tau[i] = Density(DensityActivation::kRelu, raw[i]) * step.shard.samples.sorted.delta[i];
   for (std::size_t i = 0; i < 3 * kRows; ++i) rgb[i] = Sigmoid(logits[i]);
   Opacities(kRows, tau.data(), weights.data());
   std::vector<double> colours;
@@ -182,7 +190,7 @@ TEST(MlpGolden, OutputsWeightsAndLossAreThePapers) {
                            RelativeL2(Doubles(logits), Values("logits")),
                            RelativeL2(Doubles(weights), Values("weights")),
                            RelativeL2(colours, Values("colours")),
-                           std::fabs(shard.loss.loss / kRays / Golden()["loss"].get<double>() - 1)};
+                           std::fabs(step.shard.loss.loss / kRays / Golden()["loss"].get<double>() - 1)};
   const char* names[] = {"raw density", "colour logits", "weights", "colours", "loss"};
   for (std::size_t i = 0; i < std::size(errors); ++i) {
     std::printf("%s: relative error %.1e\n", names[i], errors[i]);
@@ -192,7 +200,7 @@ TEST(MlpGolden, OutputsWeightsAndLossAreThePapers) {
 
 TEST(MlpGolden, TheGradientOfEveryTensorIsThePapers) {
   const auto scene_field = GoldenField(false);
-  const auto tensors = Tensors(GoldenShard(*scene_field).gradients);
+  const auto tensors = Tensors(RunGoldenStep(*scene_field).shard.gradients);
   ASSERT_EQ(tensors.size(), Golden()["gradients"].size());
   double worst = 0;
   for (std::size_t k = 0; k < tensors.size(); ++k) {
@@ -224,7 +232,8 @@ TEST(MlpGolden, TheGradientOfEveryTensorIsThePapers) {
 // bfloat16 against float, which the test above has tied to the paper.
 TEST(MlpGolden, Bf16GradientsPointTheSameWay) {
   const auto exact_field = GoldenField(false), field = GoldenField(true);
-  const MlpShard exact_shard = GoldenShard(*exact_field, kBf16Rays), shard = GoldenShard(*field, kBf16Rays);
+  const MlpShard exact_shard = RunGoldenStep(*exact_field, kBf16Rays).shard,
+                 shard = RunGoldenStep(*field, kBf16Rays).shard;
   EXPECT_NEAR(shard.loss.loss / exact_shard.loss.loss, 1, 1e-2);
   const auto exact = Tensors(exact_shard.gradients), rounded = Tensors(shard.gradients);
   double worst = 1;

@@ -9,13 +9,16 @@
 #include "io/base/random.h"
 #include "nerf/fields/spherical_harmonics.h"
 #include "nerf/kernels/reference.h"
+#include "tests/support/field_tensor.h"
 
 namespace nerf {
 namespace {
 
 namespace ref = kernels::reference;
 using kernels::Epilogue;
+using tests::TensorOf;
 using Doubles = std::vector<double>;
+using Net = HashNetwork<float>;
 
 constexpr int kSamples = 7;
 HashFieldOptions Small(bool bf16_network) {
@@ -40,16 +43,16 @@ struct Reference {  // the field's parameters in double, and its equations in or
         ref::Encode(levels[l], &table[levels[l].first_entry * 4], &x, &y, &z, 1, &features[4 * l], 32);
       }
       const double* w = weights.data();
-      ref::Matmul<double>(1, 32, 64, features.data(), w, Epilogue::kRelu, nullptr, hidden.data());
-      ref::Matmul<double>(1, 64, 16, hidden.data(), w + 2048, Epilogue::kNone, nullptr, out.data());
+      ref::Matmul<double>(1, 32, 64, features.data(), w + Net::kW1, Epilogue::kRelu, nullptr, hidden.data());
+      ref::Matmul<double>(1, 64, 16, hidden.data(), w + Net::kW2, Epilogue::kNone, nullptr, out.data());
       std::copy(out.begin(), out.end(), in.begin());
       const double d[3] = {directions[s][0], directions[s][1], directions[s][2]};
       SphericalHarmonics(d, &in[16]);
-      ref::Matmul<double>(1, 32, 64, in.data(), w + 3072, Epilogue::kRelu, nullptr, c1.data());
-      ref::Matmul<double>(1, 64, 64, c1.data(), w + 5120, Epilogue::kRelu, nullptr, c2.data());
-      ref::Head(1, 64, c2.data(), w + 9216, logits.data());
+      ref::Matmul<double>(1, 32, 64, in.data(), w + Net::kW3, Epilogue::kRelu, nullptr, c1.data());
+      ref::Matmul<double>(1, 64, 64, c1.data(), w + Net::kW4, Epilogue::kRelu, nullptr, c2.data());
+      ref::Head(1, 64, c2.data(), w + Net::kW5, logits.data());
       for (std::size_t c = 0; c < 3; ++c) sum += a[3 * s + c] * logits[c];
-      sum += b[s] * (out[0] + HashNetwork<float>::kDensityBias);
+      sum += b[s] * (out[0] + Net::kDensityBias);
     }
     return sum;
   }
@@ -64,15 +67,11 @@ class HashFieldTest : public testing::Test {
   static constexpr double kProbeError = kBf16 ? 0.02 : 2e-5, kGradientError = kBf16 ? 0.06 : 1e-5;
 
   HashFieldTest() : field_(Small(kBf16), 5) {
-    for (auto& tensor : field_.State()) {
-      const std::string name = tensor.name;
-      if (name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values.size(); ++i)
-          tensor.values[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
-        reference_.table.assign(tensor.values.begin(), tensor.values.end());
-      }
-      if (name == "weights") reference_.weights.assign(tensor.values.begin(), tensor.values.end());
-    }
+    const std::span<float> table = TensorOf(&field_, "table"), weights = TensorOf(&field_, "weights");
+    for (std::size_t i = 0; i < table.size(); ++i)  // features of useful size, so that no path is dead
+      table[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
+    reference_.table.assign(table.begin(), table.end());
+    reference_.weights.assign(weights.begin(), weights.end());
     reference_.levels = field_.grid().levels();
     for (int s = 0; s < kSamples; ++s) {
       io::Random random(11, io::Stream::kInit, 3, 100 * static_cast<std::uint64_t>(s));
@@ -175,11 +174,8 @@ TYPED_TEST(HashFieldTest, BackwardMatchesCentralDifferencesOfTheReference) {
 TYPED_TEST(HashFieldTest, DensityIsFiniteAndGatedAtTheLimitOfTheExponent) {
   NetworkRows<TypeParam> rows;
   this->Forward(&rows);
-  for (auto& tensor : this->field_.State()) {
-    if (std::string(tensor.name) == "weights") {
-      for (std::size_t i = 2048; i < 3072; ++i) tensor.values[i] = 1e6f;
-    }
-  }
+  const std::span<float> weights = TensorOf(&this->field_, "weights");
+  for (std::size_t i = Net::kW2; i < Net::kW3; ++i) weights[i] = 1e6f;
   this->field_.Refresh();
   this->network().QueryDensity(&rows);
   this->network().QueryColour(&rows);

@@ -5,6 +5,7 @@
 #include "io/base/error.h"
 #include "nerf/rendering/ray_renderer.h"
 #include "nerf/rendering/volume_rendering.h"
+#include "tests/support/field_tensor.h"
 #include "tests/support/reference_mlp.h"
 #include "tests/support/small_mlp.h"
 #include "tests/support/temp_dir.h"
@@ -13,6 +14,7 @@ namespace nerf {
 namespace {
 
 using tests::FieldOf;
+using tests::TensorOf;
 
 // A ball after a few dozen steps; the tests differ in how they look at it.
 class TrainedBall : public testing::Test {
@@ -35,7 +37,8 @@ class TrainedBall : public testing::Test {
     config["samples"] = quadrature.n_samples;
     config["importance_samples"] = quadrature.n_importance;
     auto field = std::make_unique<MlpField>(config);
-    const std::span<float> weights = trained_->field->State()[0].values, copy = field->State()[0].values;
+    const std::span<float> weights = TensorOf(trained_->field.get(), "weights"),
+                           copy = TensorOf(field.get(), "weights");
     for (std::size_t i = 0; i < copy.size(); ++i) copy[i] = weights[i % weights.size()];
     field->Refresh();
     SamplerOptions sampling = trained_->sampler_options;
@@ -146,7 +149,7 @@ void RenderExactly(const tests::ReferenceMlp<double>& mlp,
 TEST_F(TrainedBall, LooksTheSameInDouble) {
   const auto scene_field = With({.n_samples = 24});
   const MlpField& field = FieldOf(scene_field.get());
-  const std::span<float> weights = scene_field->field->State()[0].values;
+  const std::span<float> weights = TensorOf(scene_field->field.get(), "weights");
   const tests::ReferenceMlp<double> mlp(MlpOptionsOf(field.options()), {weights.begin(), weights.end()});
   std::vector<double> exact, ours = Render(*scene_field, 1);
   for (const Ray& ray : rays_) RenderExactly(mlp, *scene_field, field.options(), ray, &exact);

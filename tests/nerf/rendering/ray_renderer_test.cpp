@@ -9,6 +9,7 @@
 #include <string>
 
 #include "nerf/rendering/volume_rendering.h"
+#include "tests/support/field_tensor.h"
 
 namespace nerf {
 namespace {
@@ -16,8 +17,6 @@ namespace {
 // A field without weights is a fog of exp(-1) per unit and of colour 0.5 everywhere.
 class RayRenderer : public testing::Test {
  protected:
-  static constexpr std::size_t kFirstLayer = 32 * 64, kWeights = 9408;
-
   RayRenderer()
       : fog_({{0, 0, 0}, 50, false},
              {.near = 0, .far = 1000, .step_size = 0.1f},
@@ -26,7 +25,7 @@ class RayRenderer : public testing::Test {
                      {.n_levels = 8, .log2_hashmap_size = 8, .base_resolution = 3, .finest_resolution = 40}},
                  1),
              64) {
-    SetWeights(kWeights, 0.f);
+    SetWeights(HashNetwork<float>::kEnd, 0.f);
   }
 
   void Fill() {
@@ -34,11 +33,10 @@ class RayRenderer : public testing::Test {
     fog_.grid.Rebuild();
   }
 
+  // The first n weights, to where some layer begins.
   void SetWeights(std::size_t n, float value) {
-    for (auto& tensor : fog_.field->State()) {
-      if (tensor.name != "weights") continue;
-      std::fill(tensor.values.begin(), tensor.values.begin() + static_cast<std::ptrdiff_t>(n), value);
-    }
+    const std::span<float> first = tests::TensorOf(fog_.field.get(), "weights").first(n);
+    std::fill(first.begin(), first.end(), value);
     fog_.field->Refresh();
   }
 
@@ -140,9 +138,9 @@ TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
 // The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
 TEST_F(RayRenderer, NotANumberInTheFirstLayerReachesEveryOutput) {
   Fill();
-  SetWeights(kWeights, 0.01f);
+  SetWeights(HashNetwork<float>::kEnd, 0.01f);
   ASSERT_TRUE(std::isfinite(RenderAlong({{0, 0, 49}, {0, 0, 1}}).transmittance));
-  SetWeights(kFirstLayer, std::numeric_limits<float>::quiet_NaN());
+  SetWeights(HashNetwork<float>::kW2, std::numeric_limits<float>::quiet_NaN());
   const RenderedRay ray = RenderAlong({{0, 0, 49}, {0, 0, 1}});
   EXPECT_TRUE(std::isnan(ray.transmittance));
   for (const float c : ray.rgb) EXPECT_TRUE(std::isnan(c));

@@ -9,10 +9,13 @@
 #include "nerf/kernels/reference.h"
 #include "nerf/training/hash_shard.h"
 #include "tests/support/ball_scene.h"
+#include "tests/support/field_tensor.h"
 #include "tests/support/temp_dir.h"
 
 namespace nerf {
 namespace {
+
+using tests::TensorOf;
 
 constexpr int kRays = 48;
 
@@ -102,14 +105,11 @@ class HashGradientTest : public testing::Test {
             5) {
     for (std::uint32_t cell = 0; cell < grid_.n_cells(); ++cell) grid_.SetCandidate(cell);
     grid_.Rebuild();
-    for (const Tensor& tensor : field_.State()) {
-      if (tensor.name == "table") {  // features of useful size, so that no path is dead
-        for (std::size_t i = 0; i < tensor.values.size(); ++i)
-          tensor.values[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
-        table_ = Parameter(tensor.values);
-      }
-      if (tensor.name == "weights") weights_ = Parameter(tensor.values);
-    }
+    const std::span<float> table = TensorOf(&field_, "table");
+    for (std::size_t i = 0; i < table.size(); ++i)  // features of useful size, so that no path is dead
+      table[i] = io::Random(9, io::Stream::kInit, 2, i).Uniform() - 0.5f;
+    table_ = Parameter(table);
+    weights_ = Parameter(TensorOf(&field_, "weights"));
     field_.Refresh();
   }
 
@@ -127,19 +127,25 @@ class HashGradientTest : public testing::Test {
     const Dataset dataset = LoadDataset(scene_, 1);
     const HashShardContext<Real> context{
         dataset, field_.grid(), std::get<HashNetwork<Real>>(field_.network()), sampler, plan};
-    RunHashShard(context, 0, &scratch_, &shard_);
+    HashShardScratch<Real> scratch;
+    RunHashShard(context, 0, &scratch, &shard_);
+    DrawRays(dataset, sampler, plan, 0, &batch_);
   }
 
   // Returns the sum of the pixels' losses; fills the gradients of table_ and weights_.
   double TrainReference(int samples_per_pixel, float distortion, float full_gradient_distance) {
     const Samples& samples = shard_.samples.sorted;
-    const std::vector<BatchRay>& rays = scratch_.batch.rays;
+    const std::vector<BatchRay>& rays = batch_.rays;
+    const auto n_samples = [&](std::size_t ray) {
+      return shard_.samples.ray_first[ray + 1] - shard_.samples.ray_first[ray];
+    };
     std::vector<double> harmonics, deltas(samples.delta.begin(), samples.delta.end());
-    for (const BatchRay& ray : rays) {
-      const double d[3] = {ray.ray.direction[0], ray.ray.direction[1], ray.ray.direction[2]};
+    for (std::size_t r = 0; r < rays.size(); ++r) {
+      const float* direction = rays[r].ray.direction;
+      const double d[3] = {direction[0], direction[1], direction[2]};
       double values[kHarmonics];
       SphericalHarmonics(d, values);
-      for (int i = 0; i < ray.n_kept; ++i) harmonics.insert(harmonics.end(), values, values + kHarmonics);
+      for (int i = 0; i < n_samples(r); ++i) harmonics.insert(harmonics.end(), values, values + kHarmonics);
     }
     Outputs outputs = Network(
         Encode(field_.grid().levels(), samples, table_), Doubles(harmonics).view({-1, kHarmonics}), weights_);
@@ -156,13 +162,14 @@ class HashGradientTest : public testing::Test {
     at::Tensor pixel_colour, pixel_transmittance;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       const BatchRay& ray = rays[r];
-      const at::Tensor own = tau.narrow(0, first, ray.n_kept), depth = own.cumsum(0);
+      const at::Tensor own = tau.narrow(0, first, n_samples(r)), depth = own.cumsum(0);
       const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
-      const at::Tensor colour = weights.matmul(outputs.rgb.narrow(0, first, ray.n_kept)) / samples_per_pixel;
+      const at::Tensor colour =
+          weights.matmul(outputs.rgb.narrow(0, first, n_samples(r))) / samples_per_pixel;
       const at::Tensor transmittance = torch::exp(-own.sum()) / samples_per_pixel;
       loss = loss +
              Distortion(weights, static_cast<std::size_t>(first)) * double{distortion} / samples_per_pixel;
-      first += ray.n_kept;
+      first += n_samples(r);
       const bool begins = r % static_cast<std::size_t>(samples_per_pixel) == 0;
       pixel_colour = begins ? colour : pixel_colour + colour;
       pixel_transmittance = begins ? transmittance : pixel_transmittance + transmittance;
@@ -213,7 +220,7 @@ class HashGradientTest : public testing::Test {
   OccupancyGrid grid_;
   HashField field_;
   at::Tensor table_, weights_;
-  HashShardScratch<Real> scratch_;
+  RayBatch batch_;  // the rays of the shard, before they are marched
   HashShard<Real> shard_;
 };
 using Reals = testing::Types<float, kernels::Bf16>;

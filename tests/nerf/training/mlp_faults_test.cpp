@@ -7,6 +7,7 @@
 #include "io/base/error.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
+#include "tests/support/field_tensor.h"
 #include "tests/support/small_mlp.h"
 #include "tests/support/temp_dir.h"
 
@@ -17,6 +18,7 @@ using tests::FieldOf;
 using tests::kStratifiedFar;
 using tests::SmallBall;
 using tests::SmallMlp;
+using tests::TensorOf;
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN(),
                 kInfinity = std::numeric_limits<float>::infinity();
@@ -36,7 +38,7 @@ struct Bench {
     scene_field = MakeSceneField(scene, dataset, options.field, seed, &workers, &derivation);
     training = MakeMlpTraining(dataset, options, scene_field.get(), &workers);
   }
-  std::span<float> Weights() { return FieldOf(scene_field.get()).State()[0].values; }
+  std::span<float> Weights() { return TensorOf(scene_field->field.get(), "weights"); }
   // All values of the field's state, as bytes, so that NaNs compare.
   std::string StateBytes() {
     std::string bytes;
@@ -106,7 +108,7 @@ template <typename Change>
 void Poison(const std::filesystem::path& folder, const Change& change) {
   TrainState state;
   const auto scene_field = ReadCheckpoint(folder / "checkpoint.bin", &state);
-  change(FieldOf(scene_field.get()).State()[0].values, &state);
+  change(TensorOf(scene_field->field.get(), "weights"), &state);
   WriteCheckpoint(folder / "checkpoint.bin", scene_field.get(), state);
 }
 
