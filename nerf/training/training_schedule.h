@@ -33,7 +33,7 @@ struct TrainingSchedule {
 };
 
 // The best schedule known for about n_samples samples. Measured on the validation views of Lego; see
-// nerf/README.md.
+// nerf/EXPERIMENTS.md.
 TrainingSchedule ScheduleFor(double n_samples);
 
 }  // namespace nerf

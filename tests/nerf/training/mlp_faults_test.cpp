@@ -23,7 +23,7 @@ using tests::TensorOf;
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN(),
                 kInfinity = std::numeric_limits<float>::infinity();
 constexpr std::size_t kDensityLayer = 8;
-// Seeds of the start on white; NERF_TEST_SEEDS=20 tries as many as the figure in nerf/README.md.
+// Seeds of the start on white; NERF_TEST_SEEDS=20 tries as many as the figure in nerf/EXPERIMENTS.md.
 std::uint64_t Seeds() {
   const char* text = std::getenv("NERF_TEST_SEEDS");
   return text ? std::stoull(text) : 4;
