@@ -18,7 +18,8 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
 
 // Opaque pictures. A cell is empty when
 //   - fewer than two views see it at a distance beyond `near`, since one view alone cannot tell depth; or
-//   - some view sees it nearer than `near`. That view renders nothing there, so nothing keeps a few other views
+//   - some view sees it nearer than `near`. That view renders nothing there, so nothing keeps a few other
+//   views
 //     from putting floaters in front of it.
 // Only used pixels count as seen: where no training ray passes, the density that cells start with would stay
 // as fog.

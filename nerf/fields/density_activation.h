@@ -1,7 +1,8 @@
 // From the network's unbounded output to a density per scene unit, and the derivative.
 //
 //   softplus: sigma = log(1 + e^(x - 1)) [Barron et al. 2021], whose gradient is never 0
-//   relu:     sigma = max(x, 0) [Mildenhall et al. 2020]; for x <= 0 the gradient is 0, so a field that starts
+//   relu:     sigma = max(x, 0) [Mildenhall et al. 2020]; for x <= 0 the gradient is 0, so a field that
+//   starts
 //             there stays there
 //   exp:      sigma = e^(x - 1) up to e^15, with gradient 0 beyond [Mueller et al. 2022]; learns sharp edges
 //             fastest

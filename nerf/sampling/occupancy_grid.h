@@ -49,9 +49,9 @@ class OccupancyGrid {
 
   // A training sample saw density sigma in the cell.
   void Visit(std::uint32_t cell, float sigma) { density_[cell] = std::max(density_[cell] * kDecay, sigma); }
-  // The density at a random point of the cell, whether or not training rays visit it: so density can come back,
-  // and fog that no ray meets disappears. Five probes of 0 take a cell from its initial density below the
-  // threshold.
+  // The density at a random point of the cell, whether or not training rays visit it: so density can come
+  // back, and fog that no ray meets disappears. Five probes of 0 take a cell from its initial density below
+  // the threshold.
   void Probe(std::uint32_t cell, float sigma) {
     density_[cell] = std::max(density_[cell] * kProbeDecay, sigma);
   }

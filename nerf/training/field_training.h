@@ -30,8 +30,8 @@ class FieldTraining {
   virtual StepOutcome Step(double progress, TrainState* state) = 0;
   // What computes: "avx512 kernels", "LibTorch 1.13.0 (CPU), bf16".
   virtual std::string Arithmetic() const = 0;
-  // How fast the machine computes matrix products of the network's size, measured now; 0: not measured for this
-  // kind of field.
+  // How fast the machine computes matrix products of the network's size, measured now; 0: not measured for
+  // this kind of field.
   virtual double GemmGflops() const { return 0; }
 };
 

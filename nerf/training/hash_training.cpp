@@ -61,7 +61,10 @@ class HashTraining : public FieldTraining {
   }
 
  private:
+  BatchPlan Plan(double progress, const TrainState& state) const;
+  void RunShards(const BatchPlan& plan);
   void Merge(double progress, const TrainState& state);
+  void UpdateOccupancy(std::uint64_t done, std::uint64_t seed);
 
   const Dataset& dataset_;
   const TrainOptions& options_;
@@ -78,11 +81,10 @@ class HashTraining : public FieldTraining {
 };
 
 template <typename Real>
-StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
-  scene_field_->samples_per_pixel = schedule_.SamplesPerPixel(progress);
-  BatchPlan plan{.seed = state->seed, .step = state->step, .n_shards = kShards};
-  plan.samples_per_pixel = scene_field_->samples_per_pixel;
-  plan.n_rays = std::max(1, state->n_rays / plan.samples_per_pixel) * plan.samples_per_pixel;
+BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) const {
+  BatchPlan plan{.seed = state.seed, .step = state.step, .n_shards = kShards};
+  plan.samples_per_pixel = schedule_.SamplesPerPixel(progress);
+  plan.n_rays = std::max(1, state.n_rays / plan.samples_per_pixel) * plan.samples_per_pixel;
   plan.step_scale = static_cast<float>(schedule_.StepScale(progress));
   plan.wave_samples = kWaveSamples;
   plan.early_stop_depth = scene_field_->contraction.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
@@ -91,6 +93,11 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
     plan.full_gradient_distance = kFullGradientDistance;
   }
   plan.min_weight = static_cast<float>(options_.min_weight);
+  return plan;
+}
+
+template <typename Real>
+void HashTraining<Real>::RunShards(const BatchPlan& plan) {
   const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
   const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan};
   workers_->Run(kShards, [&](int shard, int thread) {
@@ -99,6 +106,13 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
                  &scratch_[static_cast<std::size_t>(thread)],
                  &shards_[static_cast<std::size_t>(shard)]);
   });
+}
+
+template <typename Real>
+StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
+  const BatchPlan plan = Plan(progress, *state);
+  scene_field_->samples_per_pixel = plan.samples_per_pixel;
+  RunShards(plan);
   const double n_pixels = static_cast<double>(plan.n_rays) / plan.samples_per_pixel;
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};
   for (const HashShard<Real>& shard : shards_) {
@@ -110,15 +124,19 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
     }
   }
   Merge(progress, *state);
-  const std::uint64_t done = state->step + 1;
-  if (done % rebuild_every_ == 0) {
-    const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
-    const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
-    ProbeOccupancy(candidates_, stride, done / rebuild_every_, state->seed, done, scene_field_, workers_);
-    scene_field_->grid.Rebuild();
-  }
+  UpdateOccupancy(state->step + 1, state->seed);
   state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
   return outcome;
+}
+
+// After `done` steps.
+template <typename Real>
+void HashTraining<Real>::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
+  if (done % rebuild_every_ != 0) return;
+  const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
+  const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
+  ProbeOccupancy(candidates_, stride, done / rebuild_every_, seed, done, scene_field_, workers_);
+  scene_field_->grid.Rebuild();
 }
 
 // Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and

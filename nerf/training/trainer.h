@@ -45,7 +45,8 @@ struct TrainOptions {
 };
 
 // options.schedule, or the best known for options.time_s or options.steps; with the rate and the table size
-// that were given. Without alpha, as photographs are, several rays per pixel gained nothing (nerf/EXPERIMENTS.md).
+// that were given. Without alpha, as photographs are, several rays per pixel gained nothing
+// (nerf/EXPERIMENTS.md).
 TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha);
 
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,
