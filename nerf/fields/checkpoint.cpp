@@ -183,7 +183,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
       std::make_unique<SceneField>(contraction, sampling, MakeField(path, header), grid_resolution);
   const int samples_per_pixel = Get(path, header, "pixel_rays", 1, 16);
   if (!IsSamplesPerPixel(samples_per_pixel))
-    Reject(path, "header value of samples_per_pixel is not a square number");
+    Reject(path, "header value of pixel_rays is not a square number");
   scene_field->samples_per_pixel = samples_per_pixel;
   if (const auto it = header.find("background"); it != header.end()) {
     scene_field->background = {
