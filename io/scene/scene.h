@@ -1,7 +1,7 @@
 // `Scene` is the contract between the layers: what structure-from-motion delivers and what a radiance field
 // is trained on.
 //
-// Conventions, stated here once and pinned by tests/io_scene_test.cpp:
+// Conventions, stated here once and checked by tests/io/scene/scene_test.cpp:
 //   * Pixel (0, 0) has its centre at (0.5, 0.5); the picture spans [0, width] x [0, height].
 //   * Poses are world_from_cam with OpenGL camera axes: x right, y up, z back (the camera looks along -z).
 //   * Geometry is in double.
