@@ -52,16 +52,16 @@ TEST(TrainOptions, UnknownPrecisionIsNamed) {
 
 TEST(TrainOptions, ThePresetIsThatOfTheReportAndFlagsWin) {
   const nerf::TrainOptions report = nerf::ReportTrainOptions(), train = Resolve({"--preset=report"});
-  EXPECT_EQ(train.field.field, "nerf");
+  EXPECT_EQ(train.field.kind, nerf::FieldKind::kMlp);
   EXPECT_EQ(train.steps, report.steps);
-  EXPECT_EQ(train.field.nerf.quadrature.n_samples, report.field.nerf.quadrature.n_samples);
-  EXPECT_EQ(train.field.nerf.density, nerf::DensityActivation::kRelu);
-  EXPECT_EQ(train.field.nerf.initialisation, nerf::Initialisation::kUniform);
-  EXPECT_TRUE(train.field.nerf.scene_units);
-  EXPECT_TRUE(train.field.nerf.bf16);
+  EXPECT_EQ(train.field.mlp.quadrature.n_samples, report.field.mlp.quadrature.n_samples);
+  EXPECT_EQ(train.field.mlp.density, nerf::DensityActivation::kRelu);
+  EXPECT_EQ(train.field.mlp.initialisation, nerf::Initialisation::kUniform);
+  EXPECT_TRUE(train.field.mlp.scene_units);
+  EXPECT_TRUE(train.field.mlp.bf16);
   EXPECT_EQ(Resolve({"--preset=report", "--steps=5"}).steps, 5);
   EXPECT_EQ(Resolve({"--preset=report", "--time=1m"}).steps, 0);  // a time that was asked for
-  EXPECT_FALSE(Resolve({"--preset=report", "--precision=fp32"}).field.nerf.bf16);
+  EXPECT_FALSE(Resolve({"--preset=report", "--precision=fp32"}).field.mlp.bf16);
 }
 
 TEST(TrainOptions, WhatDoesNotGoTogetherIsRefused) {
