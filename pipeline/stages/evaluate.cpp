@@ -66,8 +66,8 @@ int RunEvaluate(int argc, const char* const* argv) {
     EvaluationOptions options;
     Options bound(
         "pipeline evaluate",
-        "Scores the trained field on the held-out views: PSNR, SSIM and FLIP per picture, and strips\n"
-        "truth | render | error, worst first.");
+        "Scores the trained field on the held-out views: PSNR, SSIM and FLIP per picture; the worst are\n"
+        "written as photograph, rendering and error.");
     AddCommonOptions(&bound, &common);
     AddEvaluateOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;

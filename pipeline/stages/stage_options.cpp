@@ -35,8 +35,10 @@ void AddNormalizeOptions(Options* options, NormalizeFlags* normalize) {
 void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate) {
   options->Add(
       "every", &evaluate->every, "score every n-th held-out view only, for slow fields; 1 = all", {.min = 1});
-  options->Add(
-      "max-strips", &evaluate->max_strips, "comparison strips to write, worst views first", {.min = 0});
+  options->Add("max-strips",
+               &evaluate->max_strips,
+               "views whose photograph, rendering and error are written, worst first",
+               {.min = 0});
 }
 
 void AddRenderOptions(Options* options, FilmOptions* render) {
