@@ -22,7 +22,7 @@ enum class CaptureKind {
 CaptureKind ParseCaptureKind(const std::string& name);
 
 struct CaptureOptions {
-  std::filesystem::path out;  // must not exist, or be empty
+  std::filesystem::path out;  // new, empty, or an earlier capture, which is replaced
   CaptureKind kind = CaptureKind::kPhotos;
   int photos = 60;
   int width = 960;         // [px], a multiple of 8; the height is three quarters of it

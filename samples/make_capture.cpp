@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
     capture.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     pipeline::Options options("make_capture",
                               "Photographs a still life that exists only here, and writes the truth beside.");
-    options.Add("out", &capture.out, "folder to write; must not exist");
+    options.Add("out", &capture.out, "folder to write; an earlier capture there is replaced");
     options.Add("kind", &kind, "photos, video, rotation, blank or forward");
     options.Add("photos", &capture.photos, "number of photographs");
     options.Add("width", &capture.width, "width of the pictures [px], a multiple of 8");

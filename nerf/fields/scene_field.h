@@ -28,6 +28,7 @@ struct SceneField {
         sampler_options(sampling),
         field(std::move(radiance_field)),
         grid(grid_resolution, contraction) {}
+  SceneField(const SceneField&) = delete;  // the grid refers to the contraction
 
   SceneContraction contraction;
   SamplerOptions sampler_options;

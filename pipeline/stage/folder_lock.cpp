@@ -8,8 +8,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <ctime>
+#include <thread>
 
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
@@ -28,9 +30,21 @@ std::string ThisProcess() {
   return fmt::format("process {} on {} since {}", getpid(), host, when);
 }
 
+// A killed owner with much memory takes a moment to go, and its stages go after it.
+constexpr std::chrono::milliseconds kOwnerGoes(3000), kLook(20);
+
+bool TryLock(int fd) {
+  const auto start = std::chrono::steady_clock::now();
+  while (flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() - start > kOwnerGoes) return false;
+    std::this_thread::sleep_for(kLook);
+  }
+  return true;
+}
+
 // Returns what went wrong, or nothing. Throws kLocked when another process holds the lock.
 std::string Acquire(int fd, const std::filesystem::path& run_folder) {
-  if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
+  if (TryLock(fd)) {
     const std::string owner = ThisProcess();
     const bool written = ftruncate(fd, 0) == 0 && pwrite(fd, owner.data(), owner.size(), 0) >= 0;
     return written ? "" : std::strerror(errno);

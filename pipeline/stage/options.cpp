@@ -275,8 +275,6 @@ void Options::ApplyPreset(int argc, const char* const* argv, const std::function
   Parse(argc, argv);
 }
 
-void Options::SetMeasured(const std::string& name) { Find(name).origin = "measured"; }
-
 bool Options::IsSetByUser(const std::string& name) const {
   const std::string& origin = Find(name).origin;
   return origin == "flag" || origin == "file";

@@ -55,15 +55,13 @@ class Options {
   // which win, again.
   void ApplyPreset(int argc, const char* const* argv, const std::function<void()>& assign);
 
-  // Marks a value as chosen by measurement rather than by default, file or flag.
-  void SetMeasured(const std::string& name);
   bool IsSetByUser(const std::string& name) const;
   // Names of the flags for which that holds, in the order in which they were added.
   std::vector<std::string> NamesSetByUser() const;
   // The value as one would write it after the flag.
   std::string ValueText(const std::string& name) const;
 
-  // {"name": {"value": ..., "origin": "default" | "preset" | "file" | "flag" | "measured"}, ...}
+  // {"name": {"value": ..., "origin": "default" | "preset" | "file" | "flag"}, ...}
   nlohmann::ordered_json ResolvedJson() const;
   // Canonical text of all values that affect the result.
   std::string KeyText() const;

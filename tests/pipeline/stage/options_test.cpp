@@ -75,12 +75,10 @@ TEST(Options, DefaultsAndOriginsAreWrittenBack) {
   EXPECT_EQ(parsed.fields.steps, 11);  // the flag wins, wherever it stands
   EXPECT_EQ(parsed.fields.rate, 1);
   EXPECT_TRUE(parsed.fields.depth);
-  parsed.options.SetMeasured("seed");
   const auto resolved = parsed.Resolved();
   EXPECT_EQ(resolved["steps"], (nlohmann::json{{"value", 11}, {"origin", "flag"}}));
   EXPECT_EQ(resolved["name"], (nlohmann::json{{"value", "mlp"}, {"origin", "file"}}));
   EXPECT_EQ(resolved["white"], (nlohmann::json{{"value", true}, {"origin", "default"}}));
-  EXPECT_EQ(resolved["seed"]["origin"], "measured");
   EXPECT_TRUE(parsed.options.IsSetByUser("steps"));
   EXPECT_TRUE(parsed.options.IsSetByUser("name"));
   EXPECT_FALSE(parsed.options.IsSetByUser("white"));
