@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <vector>
 
 class TempDir {
  public:
@@ -47,12 +48,13 @@ inline long CountEntries(const std::filesystem::path& folder) {
 }
 
 // `body` must throw io::Error (include io/base/error.h) with this exit code and a message that contains
-// `part`.
-#define EXPECT_ERROR(body, expected_code, part)                                         \
-  try {                                                                                 \
-    body;                                                                               \
-    ADD_FAILURE() << #body << " did not throw";                                         \
-  } catch (const io::Error& error) {                                                    \
-    EXPECT_EQ(static_cast<int>(error.code()), static_cast<int>(expected_code));         \
-    EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what(); \
+// every one of the texts that follow.
+#define EXPECT_ERROR(body, expected_code, ...)                                                     \
+  try {                                                                                            \
+    body;                                                                                          \
+    ADD_FAILURE() << #body << " did not throw";                                                    \
+  } catch (const io::Error& error) {                                                               \
+    EXPECT_EQ(static_cast<int>(error.code()), static_cast<int>(expected_code));                    \
+    for (const std::string& expected_text : std::vector<std::string>{__VA_ARGS__})                 \
+      EXPECT_NE(std::string(error.what()).find(expected_text), std::string::npos) << error.what(); \
   }

@@ -114,8 +114,8 @@ TEST(AtomicFile, ReadFileRefusesWhatItShould) {
   WriteText(dir / "f", "12345");
   EXPECT_EQ(io::ReadFile(dir / "f", 5), "12345");
   EXPECT_ERROR(io::ReadFile(dir / "f", 4), io::ExitCode::kBadInput, "4 bytes");
-  EXPECT_ERROR(io::ReadFile(dir / "none"), io::ExitCode::kBadInput, "none");
-  EXPECT_ERROR(io::ReadFile(dir.path()), io::ExitCode::kBadInput, dir.path().string());
+  EXPECT_ERROR(io::ReadFile(dir / "none"), io::ExitCode::kBadInput, "none", "no such file");
+  EXPECT_ERROR(io::ReadFile(dir.path()), io::ExitCode::kBadInput, dir.path().string(), "no such file");
 }
 
 TEST(Hash, StreamedAndWholeAgreeAndSeeEveryByte) {

@@ -34,8 +34,8 @@ TEST_F(IngestMasks, AreWrittenBesideTheirPicturesAtTheirSize) {
   WriteMask("img5.bmp.tiff", 0);  // of no photo
   WriteMask("img6.png", kWidth);  // black
   ASSERT_EQ(RunMasked({"--max-size", "80"}), 0) << message_;
-  EXPECT_TRUE(Says("masks", "5 of 7", "68 %")) << message_;
-  EXPECT_NE(ReasonFor("img6.jpg").find("mask"), std::string::npos);
+  EXPECT_TRUE(Says("masks", "5 of 7", "68 %", "the other")) << message_;
+  EXPECT_NE(ReasonFor("img6.jpg").find("mask uses no pixel"), std::string::npos);
   int n_masks = 0;
   for (const Json& entry : frames_["kept"]) {
     const std::string name = entry["name"];
@@ -73,16 +73,16 @@ TEST_F(IngestMasks, OfDroppedPicturesAreDroppedToo) {
 TEST_F(IngestMasks, FaultsAreNamedBeforeAnythingIsUsedWhole) {
   WritePhotos(4);
   EXPECT_EQ(RunMasked(), 2);
-  EXPECT_TRUE(Says("--masks", masks().string())) << message_;
+  EXPECT_TRUE(Says("--masks", masks().string(), "no folder")) << message_;
   EXPECT_EQ(Run(photos(), {"--masks", photos().string()}), 2);
-  EXPECT_TRUE(Says("--masks", photos().string())) << message_;
+  EXPECT_TRUE(Says("--masks", photos().string(), "folder of the photos")) << message_;
   WriteMask("other.png", 0);
   EXPECT_EQ(RunMasked(), 3);
   EXPECT_TRUE(Says(masks().string(), "none of its 1", "img0.jpg", "img0.png")) << message_;
   EXPECT_FALSE(fs::exists(run()));
   WriteMask("img1.png", 0, kHeight, kWidth);
   EXPECT_EQ(RunMasked(), 3);
-  EXPECT_TRUE(Says("img1.png", "120x160", "160x120")) << message_;
+  EXPECT_TRUE(Says("img1.png", "mask is 120x160", "photo 160x120")) << message_;
   WriteMask("img1.png", 0);
   WriteMask("img1.tiff", 0);
   EXPECT_EQ(RunMasked(), 3);

@@ -115,9 +115,18 @@ TEST_F(EvaluationTest, ComparisonsAreRankedWorstFirst) {
   EXPECT_EQ(worst.photo, folder_ / "compare" / "01_view \"2\"_photo.png");
   EXPECT_EQ(io::ReadImage(worst.photo).data, spoiled.data);
   EXPECT_EQ(io::ReadImage(worst.render).data, io::ReadImage(folder_ / "renders" / "view \"2\".png").data);
-  const io::Image error = io::ReadImage(worst.error);
-  EXPECT_EQ(error.width, 60);
-  EXPECT_EQ(error.height, 44);
+  // Black, in magma (0, 0, 4) at most, where nothing is wrong, and lighter where more is: the background is
+  // off by 25 grey levels, the sphere's chequers by up to 153.
+  const std::string second = result.views[static_cast<std::size_t>(result.WorstFirst()[1])].name;
+  const io::Image error = io::ReadImage(worst.error),
+                  none = io::ReadImage(pipeline::ComparisonPaths(folder_, 2, 4, second).error);
+  for (const io::Image& image : {error, none}) {
+    EXPECT_EQ(image.width, 60);
+    EXPECT_EQ(image.height, 44);
+  }
+  for (std::size_t i = 0; i < none.data.size(); ++i) EXPECT_LE(none.data[i], i % 3 < 2 ? 0 : 4) << i;
+  EXPECT_GT(error.Pixel(2, 20)[0], 50);
+  EXPECT_GT(error.Pixel(30, 20)[0], error.Pixel(2, 20)[0] + 50);
   EXPECT_EQ(pipeline::ComparisonPaths(folder_, 1, 100, "a.jpg").error.filename(), "001_a_error.png");
 }
 
@@ -163,6 +172,7 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInComparisons) {
   EXPECT_EQ(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"))["masked"], true);
   const pipeline::Comparison shown = pipeline::ComparisonPaths(folder_, 1, 4, "view \"0\".png");
   const io::Image shown_photo = io::ReadImage(shown.photo), shown_render = io::ReadImage(shown.render),
+                  shown_error = io::ReadImage(shown.error),
                   truth = io::ReadImage(scene_.frames[0].image_path),
                   render = io::ReadImage(folder_ / "renders" / "view \"0\".png");
   for (int x = 0; x < 60; ++x) {
@@ -170,6 +180,7 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInComparisons) {
     for (int c = 0; c < 3; ++c) {
       EXPECT_EQ(shown_photo.Pixel(x, 20)[c], truth.Pixel(x, 20)[c] / darkening) << x;
       EXPECT_EQ(shown_render.Pixel(x, 20)[c], render.Pixel(x, 20)[c] / darkening) << x;
+      EXPECT_LE(shown_error.Pixel(x, 20)[c], 255 / darkening) << x;
     }
   }
   for (io::Frame& frame : scene_.frames) frame.mask_path.clear();
@@ -216,8 +227,8 @@ TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
   EXPECT_LT(score_on(0), 10);
   EXPECT_EQ(score_on(255), nerf::kMaxPsnrDb);
   auto json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
-  EXPECT_TRUE(json["background"].get<std::string>().starts_with("white")) << json;
-  EXPECT_TRUE(json["rounding"].get<std::string>().starts_with("8-bit")) << json;
+  EXPECT_TRUE(json["background"].get<std::string>().starts_with("white, straight alpha")) << json;
+  EXPECT_TRUE(json["rounding"].get<std::string>().starts_with("8-bit sRGB, nearest")) << json;
   WriteTruth(SphereField());
   pipeline::WriteScores(pipeline::ScoreViews(scene_, folder_, {}), folder_);
   json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
@@ -234,6 +245,7 @@ TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {
   fs::remove(render);
   EXPECT_EQ(CodeOf(score), io::ExitCode::kBadInput);
   EXPECT_NE(message_.find(render.string()), std::string::npos) << message_;
+  EXPECT_NE(message_.find("missing"), std::string::npos) << message_;
 
   io::Scene empty = scene_;
   empty.frames.clear();

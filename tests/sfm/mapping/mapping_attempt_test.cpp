@@ -105,7 +105,7 @@ TEST_F(Mapping, ModelsOfOtherPicturesAreNotBelieved) {
   other = Part(0, 4);
   other.scene.cameras[0].width = 480;
   other.scene.cameras[0].height = 640;
-  EXPECT_ERROR(Attempt({other}, other), io::ExitCode::kMissingTool, "p0.png");
+  EXPECT_ERROR(Attempt({other}, other), io::ExitCode::kMissingTool, "p0.png", "another size");
 }
 
 // Pairs with too few matches are not verified, but an attempt keeps all that it was made from.
@@ -131,7 +131,10 @@ TEST_F(Mapping, MatchesOfKeypointsThatDoNotExistAreNotBelieved) {
   sqlite3_close(handle);
   const std::vector<sfm::PairMatches> matches = {
       {.a = 0, .b = 1, .matches = std::vector<std::array<int, 2>>(15)}};
-  EXPECT_ERROR(Attempt({Part(0, 4)}, Part(0, 4), matches), io::ExitCode::kMissingTool, "p0.png and p1.png");
+  EXPECT_ERROR(Attempt({Part(0, 4)}, Part(0, 4), matches),
+               io::ExitCode::kMissingTool,
+               "p0.png and p1.png",
+               "keypoints that do not exist");
 }
 
 TEST_F(Mapping, NoModelIsAnAttemptToo) { EXPECT_EQ(Attempt({}, Part(0, 4)).Registered(), 0); }
