@@ -21,6 +21,10 @@ static_assert(std::endian::native == std::endian::little, "PLY bytes are copied 
 
 constexpr std::size_t kMaxHeaderBytes = 64 * 1024;  // real headers have a dozen short lines
 constexpr std::size_t kBytesPerPoint = 3 * sizeof(float) + 3;
+// What our header says of the observers, after the vertices.
+constexpr char kObservation[] = "element observation ";
+constexpr char kObservationProperties[] = "property int vertex\nproperty int frame\n";
+constexpr std::size_t kBytesPerObservation = 2 * sizeof(std::int32_t);
 
 enum class Scalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
 
@@ -31,7 +35,7 @@ struct Property {
 
 struct Header {
   bool is_ascii = false;
-  std::size_t points = 0;
+  std::size_t points = 0, observations = 0;  // observations: of files in our own layout
   std::vector<Property> properties;
   std::size_t size = 0;  // bytes up to and including the line "end_header"
 };
@@ -72,6 +76,13 @@ Scalar ScalarFromName(const std::filesystem::path& path, const std::string& name
   Fail(path, "vertex property type '" + name.substr(0, 32) + "' is not supported");
 }
 
+std::size_t ParseCount(const std::filesystem::path& path, const std::string& text) {
+  std::size_t count = 0;
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), count);
+  if (error != std::errc() || stop != text.data() + text.size()) Fail(path, "bad element count");
+  return count;
+}
+
 Header ParseHeader(const std::filesystem::path& path, const std::string& bytes) {
   Header header;
   const std::size_t end = bytes.substr(0, kMaxHeaderBytes).find("end_header\n");
@@ -95,13 +106,18 @@ Header ParseHeader(const std::filesystem::path& path, const std::string& bytes) 
       if (!in_vertices) continue;
       if (seen_vertices) Fail(path, "has two vertex elements");
       seen_vertices = true;
-      const auto [stop, error] = std::from_chars(second.data(), second.data() + second.size(), header.points);
-      if (error != std::errc() || stop != second.data() + second.size()) Fail(path, "bad vertex count");
+      header.points = ParseCount(path, second);
     } else if (keyword == "property" && in_vertices) {
       header.properties.push_back({second, ScalarFromName(path, first)});
     }
   }
   if (!has_format || !seen_vertices) Fail(path, "states no format or no vertices");
+  const std::size_t ours = bytes.substr(0, end).find(std::string("\n") + kObservation);
+  if (ours != std::string::npos && bytes.substr(0, end).ends_with(kObservationProperties) &&
+      !header.is_ascii) {
+    const std::size_t first = ours + std::strlen(kObservation) + 1;
+    header.observations = ParseCount(path, bytes.substr(first, bytes.find('\n', first) - first));
+  }
   return header;
 }
 
@@ -142,6 +158,23 @@ double ParseScalar(const std::filesystem::path& path, const std::string& bytes, 
   if (error != std::errc()) Fail(path, fmt::format("byte {} is not the start of a number", *at));
   *at = static_cast<std::size_t>(stop - bytes.data());
   return value;
+}
+
+void ReadObservations(const std::filesystem::path& path,
+                      const std::string& bytes,
+                      std::size_t at,
+                      std::size_t count,
+                      std::vector<Point3D>* points) {
+  if (count > (bytes.size() - at) / kBytesPerObservation)
+    Fail(path, fmt::format("holds fewer than the {} observations it states", count));
+  for (std::size_t i = 0; i < count; ++i, at += kBytesPerObservation) {
+    std::int32_t vertex_frame[2];
+    std::memcpy(vertex_frame, bytes.data() + at, sizeof vertex_frame);
+    const auto vertex = static_cast<std::size_t>(vertex_frame[0]);
+    if (vertex_frame[0] < 0 || vertex >= points->size() || vertex_frame[1] < 0)
+      Fail(path, fmt::format("observation {} is out of range", i));
+    (*points)[vertex].frame_indices.push_back(vertex_frame[1]);
+  }
 }
 
 int FindProperty(const Header& header, const std::string& name) {
@@ -194,16 +227,22 @@ std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
       points[i].rgb[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value);
     }
   }
+  ReadObservations(path, bytes, at, header.observations, &points);
   return points;
 }
 
 void WritePly(const std::filesystem::path& path, const std::vector<Point3D>& points) {
+  std::size_t n_observations = 0;
+  for (const Point3D& point : points) n_observations += point.frame_indices.size();
   std::string bytes = fmt::format(
       "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
       "property float x\nproperty float y\nproperty float z\n"
-      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+      "property uchar red\nproperty uchar green\nproperty uchar blue\n",
       points.size());
-  bytes.reserve(bytes.size() + points.size() * kBytesPerPoint);
+  if (n_observations > 0)
+    bytes += fmt::format("{}{}\n{}", kObservation, n_observations, kObservationProperties);
+  bytes += "end_header\n";
+  bytes.reserve(bytes.size() + points.size() * kBytesPerPoint + n_observations * kBytesPerObservation);
   for (const Point3D& point : points) {
     for (int c = 0; c < 3; ++c) {
       const float value = static_cast<float>(point.xyz[c]);
@@ -211,6 +250,12 @@ void WritePly(const std::filesystem::path& path, const std::vector<Point3D>& poi
       bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
     }
     bytes.append(reinterpret_cast<const char*>(point.rgb.data()), point.rgb.size());
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (const std::int32_t frame : points[i].frame_indices) {
+      const std::int32_t vertex_frame[2] = {static_cast<std::int32_t>(i), frame};
+      bytes.append(reinterpret_cast<const char*>(vertex_frame), sizeof vertex_frame);
+    }
   }
   WriteFileAtomically(path, bytes);
 }

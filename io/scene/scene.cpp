@@ -26,6 +26,15 @@ Eigen::Vector2d Distort(const Camera& camera, const Eigen::Vector2d& uv, Eigen::
 
 }  // namespace
 
+void RenumberObservers(const std::vector<int>& new_index, std::vector<Point3D>* points) {
+  std::erase_if(*points, [&](Point3D& point) {
+    if (point.frame_indices.empty()) return false;
+    for (int& index : point.frame_indices) index = new_index[static_cast<std::size_t>(index)];
+    std::erase(point.frame_indices, -1);
+    return point.frame_indices.empty();
+  });
+}
+
 std::optional<Eigen::Vector2d> ImgFromCam(const Camera& camera, const Eigen::Vector3d& x_in_cam) {
   const double depth = -x_in_cam.z();
   if (!(depth > 0)) return std::nullopt;

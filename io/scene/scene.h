@@ -57,6 +57,10 @@ struct Scene {
   bool unbounded = false;  // pictures show things beyond far and aabb: space outside is to be contracted
 };
 
+// Gives the frames that observe the points their new indices, -1 for frames that are left out. Points that
+// lose all their observers go: without one a point would count as one whose observers are unknown.
+void RenumberObservers(const std::vector<int>& new_index, std::vector<Point3D>* points);
+
 // Projects a point given in the camera's OpenGL axes to pixels; nothing when it is not in front of the
 // camera.
 std::optional<Eigen::Vector2d> ImgFromCam(const Camera& camera, const Eigen::Vector3d& x_in_cam);

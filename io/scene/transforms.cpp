@@ -69,6 +69,7 @@ class TransformsReader {
   std::optional<fs::path> Resolve(const JsonReader& value) const;
   fs::path ResolveMask(const JsonReader& value, const Camera& camera) const;
   void ReadFrame(const JsonReader& frame);
+  void ReadPoints(const fs::path& path);
   void ReadPipeline(const JsonReader& ours);
 
   JsonReader json_;
@@ -76,6 +77,7 @@ class TransformsReader {
   TransformsFile file_;
   std::set<std::string> ignored_keys_;
   std::set<fs::path> seen_images_;
+  std::vector<int> scene_index_;  // of each frame of the file; -1: its picture does not exist
   double worst_deviation_ = 0;
 };
 
@@ -172,6 +174,7 @@ void TransformsReader::ReadFrame(const JsonReader& frame) {
   const std::optional<fs::path> image_path = Resolve(file_path);
   if (!image_path) {
     file_.missing_images.push_back(file_path.String());
+    scene_index_.push_back(-1);
     return;
   }
   if (!seen_images_.insert(fs::canonical(*image_path)).second)
@@ -183,7 +186,22 @@ void TransformsReader::ReadFrame(const JsonReader& frame) {
   if (found == cameras.end()) cameras.push_back(camera);
   fs::path mask_path;
   if (frame.Has("mask_path")) mask_path = ResolveMask(frame.At("mask_path"), camera);
+  scene_index_.push_back(static_cast<int>(file_.scene.frames.size()));
   file_.scene.frames.push_back({*image_path, index, pose.world_from_cam, mask_path});
+}
+
+void TransformsReader::ReadPoints(const fs::path& path) {
+  std::vector<Point3D>& points = file_.scene.points;
+  points = ReadPly(path);
+  const int n_frames = static_cast<int>(scene_index_.size());
+  for (const Point3D& point : points) {
+    for (const int frame : point.frame_indices) {
+      if (frame >= n_frames)
+        json_.At("ply_file_path")
+            .Fail(fmt::format("its points are observed by frame {}, but there are {}", frame, n_frames));
+    }
+  }
+  RenumberObservers(scene_index_, &points);
 }
 
 fs::path TransformsReader::ResolveMask(const JsonReader& value, const Camera& camera) const {
@@ -234,7 +252,7 @@ TransformsFile TransformsReader::Read() {
     const std::optional<fs::path> ply = Resolve(json_.At("ply_file_path"));
     if (!ply)
       json_.At("ply_file_path").Fail("does not exist", "Put it beside the JSON file or remove the key");
-    file_.scene.points = ReadPly(*ply);
+    ReadPoints(*ply);
   }
   if (json_.Has("pipeline")) ReadPipeline(json_.At("pipeline"));
   for (const std::string& key : ignored_keys_) file_.notes.push_back("ignored " + key);

@@ -7,6 +7,7 @@
 
 #include "io/base/median.h"
 #include "nerf/data/occupancy_init.h"
+#include "nerf/data/sight_lines.h"
 
 namespace nerf {
 namespace {
@@ -15,6 +16,8 @@ namespace {
 // through thin leftovers; longer intervals buy more rays.
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
 constexpr int kLog2HashmapSize = 17;
+// In half sides of the cube: there a contracted cell is four times as deep as inside, and twice as wide.
+constexpr double kFarOutside = 2;
 constexpr int kReportSamples = 192;
 constexpr int kGridResolution = 128;
 constexpr int kHullResolution = 64;  // of the first carving, which only finds the box
@@ -34,11 +37,17 @@ struct PointExtent {
   double half;  // half side of the cube, around the centre of the region of interest, to model undistorted
 };
 
+double ReachOf(const SceneContraction& contraction, const Eigen::Vector3d& xyz) {
+  const Eigen::Vector3f x = xyz.cast<float>();
+  return contraction.Reach(x.data());
+}
+
 // near is half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies
 // nearer, and density close to a lens would be fitted to that one view only. far is three times the farthest
 // thousandth: content at infinity, put there, moves by a third of the parallax of the farthest point. The
 // cube holds 90 % of the points, within one to two times the region of interest, since resolution is shared
-// by all that it holds.
+// by all that it holds. Where cameras stand far outside it, in contracted space whose cells are much deeper
+// than wide, it holds them as well: sight lines could not be told from what they pass.
 PointExtent ExtentOf(const io::Scene& scene, const SceneContraction& contraction) {
   std::vector<double> distances, reaches;
   for (const io::Frame& frame : scene.frames) {
@@ -54,13 +63,16 @@ PointExtent ExtentOf(const io::Scene& scene, const SceneContraction& contraction
   }
   const double half = contraction.half;
   if (distances.empty()) return {0.1 * scene.near, 32 * half, half};
-  for (const io::Point3D& point : scene.points) {
-    const Eigen::Vector3f x = point.xyz.cast<float>();
-    reaches.push_back(contraction.Reach(x.data()));
-  }
+  for (const io::Point3D& point : scene.points) reaches.push_back(ReachOf(contraction, point.xyz));
+  double inner = half * std::clamp(io::Quantile(reaches, 0.9), 1.0, 2.0);
+  reaches.clear();
+  for (const io::Frame& frame : scene.frames)
+    reaches.push_back(ReachOf(contraction, frame.world_from_cam.translation));
+  const double cameras = half * io::Quantile(reaches, 0.95);
+  if (cameras > kFarOutside * inner) inner = cameras;
   return {std::clamp(0.5 * io::Quantile(distances, 0.001), 0.01 * scene.near, scene.near),
           std::max(3 * io::Quantile(distances, 0.999), 2 * scene.far),
-          half * std::clamp(io::Quantile(reaches, 0.9), 1.0, 2.0)};
+          inner};
 }
 
 // The space and the intervals in it, before the field's kind has its say.
@@ -194,13 +206,19 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
   auto result =
       std::make_unique<SceneField>(space.contraction, space.sampling, std::move(field), grid_resolution);
   result->background = dataset.background;
+  std::size_t n_sight_lines = 0;
   if (has_alpha) {
     CarveByMasks(scene, dataset, space.contraction, workers, &result->grid);
   } else {
     CarveByFrusta(scene, dataset, space.contraction, space.sampling.near, workers, &result->grid);
+    n_sight_lines = CarveBySightLines(scene, space.contraction, workers, &result->grid);
   }
   result->grid.Rebuild();
   *derivation = Derivation(space, size, *result);
+  if (!has_alpha)
+    *derivation += n_sight_lines > 0
+                       ? fmt::format(", {} sight lines to sparse points are free", n_sight_lines)
+                       : ", no sparse points with observers tell what is free";
   return result;
 }
 

@@ -3,38 +3,9 @@
 #include <bit>
 
 #include "io/base/check.h"
+#include "nerf/sampling/cell_set.h"
 
 namespace nerf {
-namespace {
-
-using Word = std::uint64_t;
-
-// Grows the set of occupied cells by one cell along x, y and z in turn: one step in the maximum norm.
-void Dilate(int resolution, std::vector<Word>* bits, std::vector<Word>* scratch) {
-  const std::size_t row = static_cast<std::size_t>(resolution) / 64, n = static_cast<std::size_t>(resolution);
-  const std::size_t plane = row * n;
-  const Word* in = bits->data();
-  Word* out = scratch->data();
-  for (std::size_t r = 0; r < n * n; ++r) {
-    for (std::size_t w = 0; w < row; ++w) {
-      const Word centre = in[r * row + w];
-      const Word before = w > 0 ? in[r * row + w - 1] >> 63 : 0;
-      const Word after = w + 1 < row ? in[r * row + w + 1] << 63 : 0;
-      out[r * row + w] = centre | centre << 1 | centre >> 1 | before | after;
-    }
-  }
-  const auto along =
-      [&](const Word* source, Word* target, std::size_t stride, std::size_t i, std::size_t position) {
-        target[i] =
-            source[i] | (position > 0 ? source[i - stride] : 0) | (position + 1 < n ? source[i + stride] : 0);
-      };
-  for (std::size_t i = 0; i < plane * n; ++i) along(scratch->data(), bits->data(), row, i, i / row % n);
-  for (std::size_t i = 0; i < plane * n; ++i) along(bits->data(), scratch->data(), plane, i, i / plane);
-  std::swap(*bits, *scratch);
-}
-
-}  // namespace
-
 OccupancyGrid::OccupancyGrid(int resolution, const SceneContraction& contraction)
     : resolution_(resolution), contraction_(contraction) {
   PIPELINE_CHECK_EQ(resolution % 64, 0);
@@ -104,12 +75,13 @@ void OccupancyGrid::Rebuild(bool cautious) {
   const float limit = cautious && n_candidates > 0 ? static_cast<float>(sum / n_candidates)
                                                    : std::numeric_limits<float>::infinity();
   const std::size_t words = density_.size() / 64;
-  std::vector<Word> bits(words), seen(words), scratch(words);
+  CellSet bits(words), seen(words), scratch(words);
   for (std::size_t w = 0; w < words; ++w) {
-    Word word = 0;
+    std::uint64_t word = 0;
     for (std::size_t b = 0; b < 64; ++b) {
       const auto cell = static_cast<std::uint32_t>(64 * w + b);
-      if (density_[cell] > 0 && density_[cell] > std::min(Threshold(cell), limit)) word |= Word{1} << b;
+      if (density_[cell] > 0 && density_[cell] > std::min(Threshold(cell), limit))
+        word |= std::uint64_t{1} << b;
     }
     bits[w] = word;
   }
@@ -117,7 +89,7 @@ void OccupancyGrid::Rebuild(bool cautious) {
   for (int d = 0; d < kMaxDistance; ++d) {
     bool changed = false;
     for (std::size_t w = 0; w < words; ++w) {
-      for (Word fresh = bits[w] & ~seen[w]; fresh; fresh &= fresh - 1) {
+      for (std::uint64_t fresh = bits[w] & ~seen[w]; fresh; fresh &= fresh - 1) {
         distance_[64 * w + static_cast<std::size_t>(std::countr_zero(fresh))] = static_cast<std::uint8_t>(d);
         changed = true;
       }

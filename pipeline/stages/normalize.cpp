@@ -48,13 +48,14 @@ void SplitFrames(int holdout_every, PoseSource* source, StageRun* stage) {
     return io::NaturalLess(frames[a].image_path.string(), frames[b].image_path.string());
   });
   source->splits.resize(frames.size());
+  std::vector<int> new_index(frames.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
+    new_index[order[i]] = static_cast<int>(i);
     const bool is_held_out = i % static_cast<std::size_t>(holdout_every) == 0;
     source->scene.frames[i] = frames[order[i]];
     source->splits[i] = !given.empty() ? given[order[i]] : is_held_out ? "test" : "train";
   }
-  // Observers are indices into the old order; nothing reads them from here on.
-  for (io::Point3D& point : source->scene.points) point.frame_indices.clear();
+  io::RenumberObservers(new_index, &source->scene.points);
   stage->Decide(
       given.empty()
           ? fmt::format("split: every {}th picture in natural order is held out for testing", holdout_every)
@@ -156,17 +157,32 @@ int CountMasks(const io::Scene& scene) {
   }));
 }
 
+// The frames of a split. Only those of training keep the points, as far as they observe them: what held-out
+// pictures saw must not help.
+io::Scene ScenePart(const PoseSource& source, const std::string& split) {
+  io::Scene part = source.scene;
+  part.frames.clear();
+  std::vector<int> new_index(source.splits.size(), -1);
+  for (std::size_t i = 0; i < source.splits.size(); ++i) {
+    if (source.splits[i] != split) continue;
+    new_index[i] = static_cast<int>(part.frames.size());
+    part.frames.push_back(source.scene.frames[i]);
+  }
+  if (split == "train") {
+    io::RenumberObservers(new_index, &part.points);
+  } else {
+    part.points.clear();
+  }
+  return part;
+}
+
 // transforms_<split>.json of every split that has frames, read back as the next stages will read it.
 void WriteSplits(const PoseSource& source, const fs::path& folder) {
-  const bool has_points = !source.scene.points.empty();
-  if (has_points) io::WritePly(folder / "points.ply", source.scene.points);
   for (const std::string split : {"train", "val", "test"}) {
-    io::Scene part = source.scene;
-    part.frames.clear();
-    for (std::size_t i = 0; i < source.splits.size(); ++i) {
-      if (source.splits[i] == split) part.frames.push_back(source.scene.frames[i]);
-    }
+    const io::Scene part = ScenePart(source, split);
     if (part.frames.empty()) continue;
+    const bool has_points = !part.points.empty();
+    if (has_points) io::WritePly(folder / "points.ply", part.points);
     const fs::path json_path = folder / ("transforms_" + split + ".json");
     io::WriteTransforms(json_path, part, has_points ? "points.ply" : "");
     const io::TransformsFile file = io::ReadTransforms(json_path);

@@ -114,15 +114,7 @@ void KeepExistingPictures(const fs::path& images, PoseSource* source) {
     kept.push_back(std::move(frame));
   }
   scene.frames = std::move(kept);
-  for (io::Point3D& point : scene.points) {
-    std::vector<int> observers;
-    for (int i : point.frame_indices) {
-      if (const int index = new_index[static_cast<std::size_t>(i)]; index >= 0) observers.push_back(index);
-    }
-    point.frame_indices = std::move(observers);
-  }
-  // A point without observers would count as one whose observers are unknown.
-  std::erase_if(scene.points, [](const io::Point3D& point) { return point.frame_indices.empty(); });
+  io::RenumberObservers(new_index, &scene.points);
 }
 
 PoseSource ReadColmapPoses(const fs::path& model_folder, fs::path images) {

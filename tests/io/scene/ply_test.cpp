@@ -52,6 +52,28 @@ TEST_F(Ply, RoundTripIsExactInSinglePrecision) {
   EXPECT_TRUE(io::ReadPly(folder_ / "none.ply").empty());
 }
 
+TEST_F(Ply, ObserversAreKeptWhereTheyAreKnown) {
+  std::vector<io::Point3D> points = TwoPoints();
+  points[1].frame_indices = {0, 7};
+  io::WritePly(folder_ / "a.ply", points);
+  const auto read = io::ReadPly(folder_ / "a.ply");
+  ASSERT_EQ(read.size(), 2u);
+  EXPECT_TRUE(read[0].frame_indices.empty());
+  EXPECT_EQ(read[1].frame_indices, points[1].frame_indices);
+  // Other readers see a second element with properties of fixed size.
+  EXPECT_NE(io::ReadFile(folder_ / "a.ply")
+                .find("element observation 2\nproperty int vertex\nproperty int frame\n"),
+            std::string::npos);
+  for (const char* damage : {"element observation 3\n", "element observation x\n"}) {
+    std::string bytes = io::ReadFile(folder_ / "a.ply");
+    bytes.replace(bytes.find("element observation 2\n"), std::strlen(damage), damage);
+    EXPECT_THROW(ReadText(bytes), io::Error) << damage;
+  }
+  std::string bytes = io::ReadFile(folder_ / "a.ply");
+  bytes[bytes.size() - 8] = 2;  // a vertex beyond the last one
+  EXPECT_THROW(ReadText(bytes), io::Error);
+}
+
 TEST_F(Ply, ReadsAsciiWithOtherPropertiesAndElements) {
   const auto points = ReadText(
       "ply\nformat ascii 1.0\ncomment x\nelement vertex 2\nproperty float nx\nproperty double x\n"

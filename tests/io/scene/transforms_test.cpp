@@ -8,6 +8,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/image/image.h"
+#include "io/scene/ply.h"
 #include "tests/support/transforms_folder.h"
 
 namespace {
@@ -105,6 +106,21 @@ TEST_F(Transforms, InstantNgpDialectKeepsDistortionAndNamesMissingPictures) {
       Refusal(R"({"fl_x": 10, "frames": [)" + Frame("images/a.png") + "," + Frame("images/x.png") + "]}")
           .find("do not exist, first images/x.png"),
       std::string::npos);
+}
+
+// Observers are frames of the file; in the scene they are counted without those whose picture is missing.
+TEST_F(Transforms, ObserversOfPointsFollowTheFramesThatExist) {
+  std::vector<io::Point3D> points(2);
+  points[0].frame_indices = {0, 1, 2};
+  points[1].frame_indices = {1};
+  io::WritePly(folder_ / "points.ply", points);
+  const std::string text = R"({"fl_x": 10, "w": 8, "h": 6, "ply_file_path": "points.ply", "frames": [)";
+  const std::string frames = Frame("images/a.png") + "," + Frame("images/gone.png") + ",";
+  const auto file = ReadText(text + frames + Frame("images/b.png") + "]}");
+  ASSERT_EQ(file.scene.points.size(), 1u);  // nobody is left who observes the other
+  EXPECT_EQ(file.scene.points[0].frame_indices, (std::vector<int>{0, 1}));
+  EXPECT_NE(Refusal(text + Frame("images/a.png") + "," + Frame("images/b.png") + "]}").find("frame 2"),
+            std::string::npos);
 }
 
 TEST_F(Transforms, UnknownKeysAreNotedAndKnownForeignOnesAreSilent) {

@@ -270,14 +270,25 @@ TEST_F(Normalize, ColmapWorkspaceUsesTheLargestModelAndItsTracks) {
   EXPECT_GT(Record()["coverage"], 0.98);
   // What COLMAP observed in its axes is where the written cameras see the written points (float32 in the
   // PLY).
-  const io::Scene test = Split("test").scene;
+  const io::Scene train = Split("train").scene;
+  ASSERT_EQ(train.points.size(), scene.points.size());
   for (std::size_t p = 0; p < scene.points.size(); ++p) {
     const auto before =
-        io::ImgFromCam(scene.cameras[0], scene.frames[8].world_from_cam.Inverse() * scene.points[p].xyz);
+        io::ImgFromCam(scene.cameras[0], scene.frames[1].world_from_cam.Inverse() * scene.points[p].xyz);
     const auto after =
-        io::ImgFromCam(test.cameras[0], test.frames[1].world_from_cam.Inverse() * test.points[p].xyz);
+        io::ImgFromCam(train.cameras[0], train.frames[0].world_from_cam.Inverse() * train.points[p].xyz);
     EXPECT_NEAR((*before - *after).norm(), 0, 1e-3);
+    // Three pictures from p on observe it; those held out (every 8th) are no observers.
+    std::vector<int> observers;
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      const std::size_t after_first = (i + kFrames - p % kFrames) % kFrames;
+      if (i % 8 != 0 && after_first < 3) observers.push_back(static_cast<int>(i - i / 8 - 1));
+    }
+    std::vector<int> found = train.points[p].frame_indices;
+    std::sort(found.begin(), found.end());
+    EXPECT_EQ(found, observers) << p;
   }
+  EXPECT_TRUE(Split("test").scene.points.empty());
   EXPECT_EQ(Run({"--poses", (in_ / "sparse/0").string(), "--force"}), 0);  // named by the user: taken
   EXPECT_EQ(Split("train").scene.frames.size() + Split("test").scene.frames.size(), 4u);
 }

@@ -1,0 +1,138 @@
+#include "nerf/data/sight_lines.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "nerf/sampling/cell_set.h"
+
+namespace nerf {
+namespace {
+
+constexpr std::size_t kMinObservers = 3;
+// Of the way to the point. The rest covers the error of its depth, and surfaces seen at a flat angle.
+constexpr float kFreeShare = 0.9f;
+// Lines between cameras: each is paired with so many whose directions to the point are nearest to its own, of
+// at most 60 degrees. Captures of many pictures thus span narrow fans, those of few wide ones.
+constexpr std::size_t kPartners = 6;
+constexpr float kMinCosine = 0.5f;
+// Between two cameras, lines as far apart as they are wide, but no more than this.
+constexpr int kMaxBetween = 32;
+// Steps along a line, in cells: shorter than a cell, so that none is missed.
+constexpr float kStepCells = 0.7f;
+constexpr float kLineCells = 3;
+
+// Marks the cells along sight lines.
+class LineMarker {
+ public:
+  LineMarker(const SceneContraction& contraction, const OccupancyGrid& grid, CellSet* cells)
+      : contraction_(contraction),
+        grid_(grid),
+        cell_(contraction.InnerSide() / static_cast<float>(grid.resolution())),
+        cells_(*cells) {}
+
+  void Mark(const Eigen::Vector3f& from, const Eigen::Vector3f& point) {
+    const Eigen::Vector3f way = point - from;
+    const float length = way.norm();
+    for (float t = 0; t < kFreeShare * length;) {
+      const Eigen::Vector3f x = from + way * (t / length);
+      float unit[3];
+      contraction_.ToUnit(x.data(), unit);
+      Insert(grid_.CellAt(unit), &cells_);
+      t += kStepCells * CellSize(x);
+    }
+    ++n_lines_;
+  }
+
+  // Lines from between cameras a and b.
+  void MarkBetween(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& point) {
+    const float gap = (b - a).norm(), width = kLineCells * CellSize(a);
+    const int n = static_cast<int>(std::min(gap / width, static_cast<float>(kMaxBetween)));
+    for (int i = 1; i <= n; ++i)
+      Mark(a + (b - a) * (static_cast<float>(i) / static_cast<float>(n + 1)), point);
+  }
+
+  std::size_t n_lines() const { return n_lines_; }
+
+ private:
+  // Side of the cell around x across the direction to the centre, along which contracted cells are longer.
+  float CellSize(const Eigen::Vector3f& x) const {
+    return cell_ * (contraction_.unbounded ? std::max(1.f, contraction_.Reach(x.data())) : 1.f);
+  }
+
+  const SceneContraction& contraction_;
+  const OccupancyGrid& grid_;
+  const float cell_;
+  CellSet& cells_;
+  std::size_t n_lines_ = 0;
+};
+
+// The cameras of `observers` whose directions to the point are nearest to that of the first one.
+std::vector<std::size_t> Partners(const std::vector<Eigen::Vector3f>& directions, std::size_t first) {
+  std::vector<std::pair<float, std::size_t>> by_angle;
+  for (std::size_t i = 0; i < directions.size(); ++i) {
+    const float cosine = directions[first].dot(directions[i]);
+    if (i != first && cosine > kMinCosine) by_angle.push_back({-cosine, i});
+  }
+  const std::size_t n = std::min(by_angle.size(), kPartners);
+  std::partial_sort(by_angle.begin(), by_angle.begin() + static_cast<std::ptrdiff_t>(n), by_angle.end());
+  std::vector<std::size_t> partners;
+  for (std::size_t i = 0; i < n; ++i) partners.push_back(by_angle[i].second);
+  return partners;
+}
+
+void MarkLinesTo(const io::Point3D& point, const std::vector<Eigen::Vector3f>& cameras, LineMarker* marker) {
+  const Eigen::Vector3f x = point.xyz.cast<float>();
+  std::vector<Eigen::Vector3f> origins, directions;
+  for (const int frame : point.frame_indices) {
+    origins.push_back(cameras[static_cast<std::size_t>(frame)]);
+    directions.push_back((x - origins.back()).normalized());
+  }
+  for (std::size_t i = 0; i < origins.size(); ++i) {
+    marker->Mark(origins[i], x);
+    for (const std::size_t partner : Partners(directions, i))
+      marker->MarkBetween(origins[i], origins[partner], x);
+  }
+}
+
+}  // namespace
+
+std::size_t CarveBySightLines(const io::Scene& scene,
+                              const SceneContraction& contraction,
+                              io::Workers* workers,
+                              OccupancyGrid* grid) {
+  std::vector<Eigen::Vector3f> cameras;
+  for (const io::Frame& frame : scene.frames)
+    cameras.push_back(frame.world_from_cam.translation.cast<float>());
+  CellSet surface = EmptyCellSet(grid->resolution());
+  std::vector<const io::Point3D*> points;
+  for (const io::Point3D& point : scene.points) {
+    if (point.frame_indices.size() < kMinObservers) continue;
+    points.push_back(&point);
+    const Eigen::Vector3f x = point.xyz.cast<float>();
+    float unit[3];
+    contraction.ToUnit(x.data(), unit);
+    Insert(grid->CellAt(unit), &surface);
+  }
+  std::vector<CellSet> sets(static_cast<std::size_t>(workers->n_threads()), EmptyCellSet(grid->resolution()));
+  std::vector<LineMarker> markers;
+  for (CellSet& set : sets) markers.emplace_back(contraction, *grid, &set);
+  workers->Run(static_cast<int>(points.size()), [&](int task, int thread) {
+    MarkLinesTo(*points[static_cast<std::size_t>(task)], cameras, &markers[static_cast<std::size_t>(thread)]);
+  });
+  std::size_t n_lines = 0;
+  for (const LineMarker& marker : markers) n_lines += marker.n_lines();
+  CellSet free = EmptyCellSet(grid->resolution()), scratch = free;
+  for (const CellSet& set : sets) {
+    for (std::size_t i = 0; i < free.size(); ++i) free[i] |= set[i];
+  }
+  Dilate(grid->resolution(), &free, &scratch);
+  Dilate(grid->resolution(), &surface, &scratch);
+  for (std::uint32_t cell = 0; cell < grid->n_cells(); ++cell) {
+    if ((free[cell / 64] & ~surface[cell / 64]) >> cell % 64 & 1) grid->SetEmpty(cell);
+  }
+  return n_lines;
+}
+
+}  // namespace nerf

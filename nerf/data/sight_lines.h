@@ -1,0 +1,25 @@
+// Empty space from sparse points: what lies between a camera and a point that it observed is transparent.
+#pragma once
+
+#include <cstddef>
+
+#include "io/base/parallel.h"
+#include "io/scene/scene.h"
+#include "nerf/sampling/occupancy_grid.h"
+
+namespace nerf {
+
+// Empties for good the cells that sight lines cross: from a camera to each point that it observed, and from
+// between two cameras that observe the point from similar directions, since the view of it stays free on the
+// way from one to the other. Without these, what neighbouring cameras show as their background may be painted
+// right before a camera between them.
+//
+// A line is three cells wide and ends before the point, whose depth is uncertain. Cells at a point and beside
+// it stay, whatever crosses them: there is a surface. Only points with three observers or more count: two
+// rays always meet. Points whose observers are unknown say nothing. Returns the number of lines.
+std::size_t CarveBySightLines(const io::Scene& scene,
+                              const SceneContraction& contraction,
+                              io::Workers* workers,
+                              OccupancyGrid* grid);
+
+}  // namespace nerf
