@@ -17,23 +17,19 @@ using Eigen::Vector3d;
 // Share of the cameras that must have the subject in their picture; the others took something beside it.
 constexpr double kMinHitShare = 0.75;
 
-// Whether cameras whose axes meet go towards or away from the focus rather than around it: the logarithm of
-// their distance varies more than their direction.
-bool MovesRadially(const std::vector<io::Rigid3d>& cameras, const CaptureGeometry& capture) {
-  Vector3d mean = Vector3d::Zero();
-  double log_sum = 0;
-  for (const io::Rigid3d& camera : cameras) {
-    mean += (camera.translation - capture.focus).normalized();
-    log_sum += std::log((camera.translation - capture.focus).norm());
-  }
-  const double n = static_cast<double>(cameras.size());
-  mean.normalize();
-  double across = 0, along = 0;
-  for (const io::Rigid3d& camera : cameras) {
-    const Vector3d offset = camera.translation - capture.focus;
-    const double angle = std::acos(std::clamp(offset.normalized().dot(mean), -1.0, 1.0));
-    across += angle * angle;
-    along += std::pow(std::log(offset.norm()) - log_sum / n, 2);
+// Whether the cameras go where they look, along a street or towards a subject: the way from each to its
+// nearest neighbour leads more along its line of sight than across.
+bool GoWhereTheyLook(const std::vector<io::Rigid3d>& cameras) {
+  double along = 0, across = 0;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    Vector3d step = Vector3d::Zero();
+    for (std::size_t j = 0; j < cameras.size(); ++j) {
+      const Vector3d way = cameras[j].translation - cameras[i].translation;
+      if (j != i && (step.isZero(0) || way.norm() < step.norm())) step = way;
+    }
+    const double ahead = step.dot(cameras[i].rotation.col(2));
+    along += ahead * ahead;
+    across += step.squaredNorm() - ahead * ahead;
   }
   return along > across;
 }
@@ -62,7 +58,7 @@ CameraPath FitCameraPath(const io::Scene& scene, int frames) {
   CameraPath path;
   path.capture = MeasureCapture(scene);
   const std::vector<io::Rigid3d> cameras = PosesOf(scene);
-  if (path.capture.hit_share >= kMinHitShare && !MovesRadially(cameras, path.capture)) {
+  if (path.capture.hit_share >= kMinHitShare && !GoWhereTheyLook(cameras)) {
     FitOrbit(cameras, frames, &path);
   } else if (path.capture.hit_share < kMinHitShare && StandTogether(scene, path.capture)) {
     FitSway(cameras, frames, &path);
@@ -106,7 +102,7 @@ std::string Describe(const CameraPath& path) {
       return "ellipse among the cameras, because they stood side by side and looked the same way";
     case PathKind::kWalk:
       return path.capture.hit_share >= kMinHitShare
-                 ? "walk along the cameras, because they went towards what they looked at"
+                 ? "walk along the cameras, because they went where they looked"
                  : fmt::format(
                        "walk along the cameras, because their axes do not meet: the nearest point to "
                        "all lies in {:.0f} % of the pictures",

@@ -4,7 +4,7 @@
 //   orbit   The axes meet at a subject and the cameras stand all around it.
 //   arc     They meet, but a side was not photographed: to and fro inside the covered arc.
 //   sway    The axes do not meet and the cameras stand close together, side by side: an ellipse among them.
-//   walk    All else, such as a room or a street, and cameras that go straight towards their subject: along
+//   walk    All else, such as a room or a street, and cameras that go where they look: along
 //           the cameras, in the order of the capture.
 //
 // Every kind averages the places of neighbouring cameras, hence stays inside their hull, and looks where they

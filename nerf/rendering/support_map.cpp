@@ -10,9 +10,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Standard deviation of the veil's edge in pixels of the map: a hole that covers fewer than about 4 of them
-// across stays below half, where the veil begins.
-constexpr double kVeilSigma = 1.5;
+// Standard deviation of the veil's edge in pixels of the map: a hole that covers fewer than about 8 of them
+// across stays below half, where the veil begins. It would look like dirt.
+constexpr double kVeilSigma = 3;
 // Unobserved share of the surroundings where the veil begins and where it is complete.
 constexpr float kVeilBegins = 0.5f, kVeilComplete = 0.9f;
 
@@ -110,7 +110,7 @@ void SupportMap::Look(const SeenDepth& view, const Place& place, bool* supports,
   for (int y = y0; y <= std::min(y0 + 1, height - 1); ++y) {
     for (int x = x0; x <= std::min(x0 + 1, width - 1); ++x) {
       const double depth = static_cast<double>(view.depth[static_cast<std::size_t>(y * width + x)]);
-      if (depth >= distance - tolerance) *observes = true;
+      if (depth >= distance - std::max(tolerance, kBehindShare * distance)) *observes = true;
       bool agrees = std::abs(depth - distance) <= tolerance;
       if (!agrees) {
         // Far away, depths that differ show the same: for the film, which looks from the same side, the two

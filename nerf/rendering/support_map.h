@@ -42,6 +42,9 @@ class SupportMap {
   // much for the one that looks, and two for a surface at a slant of 60 degrees and the sampling interval,
   // which is below a footprint at this size.
   static constexpr double kFootprints = 3;
+  // A place counts as observed up to this share of its distance behind what a view shows: so far do the
+  // expected depths of one smooth surface differ between views.
+  static constexpr double kBehindShare = 0.1;
 
  private:
   struct SeenDepth {
@@ -67,7 +70,7 @@ class SupportMap {
 
 // Shows what was not observed plainly: the tone replaces the colour, in proportion to how little was observed
 // around a
-// pixel. The transition is as wide as kVeilSide pixels of the map, and what is smaller than that is left, so
+// pixel. The transition is some pixels of the map wide, and holes smaller than that are left, so
 // that single pixels don't flicker.
 void VeilUnobserved(const ViewSupport& support, const std::array<float, 3>& tone, RenderedView* view);
 

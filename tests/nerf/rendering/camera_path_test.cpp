@@ -261,6 +261,18 @@ TEST(CameraPath, StreetIsWalkedForwards) {
   ExpectEvenSpeedWithEase(path);
 }
 
+// Along a street whose axes meet not far from the last cameras, which see that point from many sides.
+TEST(CameraPath, StreetThatEndsAtAPointIsWalked) {
+  std::vector<io::Rigid3d> poses;
+  for (int i = 0; i < 30; ++i) {
+    const Vector3d place(0.2 * std::sin(0.2 * i), 0.4 * i, 0);
+    poses.push_back(LookAt(place, Vector3d(1, 12.5, 0.1 * std::sin(i)), Vector3d::UnitZ()));
+  }
+  const nerf::CameraPath path = nerf::FitCameraPath(MakeScene(poses), 90);
+  EXPECT_GE(path.capture.hit_share, 0.75);
+  EXPECT_EQ(path.kind, PathKind::kWalk);
+}
+
 TEST(CameraPath, CamerasThatGoTowardsTheirSubjectAreWalked) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> jitter(-0.15, 0.15);
