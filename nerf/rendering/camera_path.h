@@ -1,29 +1,44 @@
-// The path of the film's camera: an orbit fitted to where the photographs were taken, so that the film shows
-// what was observed.
+// The path of the film's camera, fitted to where the photographs were taken, so that the film shows what was
+// observed. Its kind follows from the cameras' places and optical axes alone:
 //
-// Camera centres are written as azimuth, elevation and distance around the focus point (the point nearest to
-// all optical axes) and the up direction (perpendicular to the cameras' horizontal axes). The path moves in
-// azimuth; elevation and distance are averages over the cameras near that azimuth, weighted by a Gaussian of
-// the azimuth difference, hence never outside the observed range. Cameras all around give a closed orbit;
-// cameras along an arc give a flat ellipse that swings to and fro inside the arc.
+//   orbit   The axes meet at a subject and the cameras stand all around it.
+//   arc     They meet, but a side was not photographed: to and fro inside the covered arc.
+//   sway    The axes do not meet and the cameras stand close together, side by side: an ellipse among them.
+//   walk    All else, such as a room or a street, and cameras that go where they look: along
+//           the cameras, in the order of the capture.
+//
+// Every kind averages the places of neighbouring cameras, hence stays inside their hull, and looks where they
+// looked. free_path.h then compares the path with the trained field.
 #pragma once
 
+#include <string>
 #include <vector>
 
-#include "io/scene/scene.h"
+#include "nerf/rendering/capture_geometry.h"
 
 namespace nerf {
 
+enum class PathKind { kOrbit, kArc, kSway, kWalk };
+
 struct CameraPath {
-  std::vector<io::Rigid3d> world_from_cam;  // OpenGL axes, looking at the focus; the last precedes the first
-  bool closed = false;                      // a full orbit, or else a swing inside the covered arc
-  double arc_deg = 0;                       // azimuth that the cameras cover
-  Eigen::Vector3d focus = Eigen::Vector3d::Zero();
-  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
-  double distance = 0;  // mean over the path, in scene units
+  PathKind kind = PathKind::kOrbit;
+  std::vector<io::Rigid3d> world_from_cam;  // OpenGL axes
+  CaptureGeometry capture;
+  double arc_deg = 0;   // of an orbit or an arc: azimuth that the cameras cover
+  double distance = 0;  // mean distance from the focus
+  // The last pose precedes the first: all kinds but a walk, which has an end.
+  bool IsLoop() const { return kind != PathKind::kWalk; }
 };
 
-// Throws kBadInput for a scene without frames or with cameras in one place.
-CameraPath FitOrbit(const io::Scene& scene, int frames);
+// Throws kBadInput for a scene without frames or with cameras in one place. frames: at least 2.
+CameraPath FitCameraPath(const io::Scene& scene, int frames);
+
+// What the camera moves in all, see Motion().
+double TotalMotion(const CameraPath& path);
+// The largest motion from a pose of the path to the nearest training camera.
+double LargestDeparture(const CameraPath& path, const io::Scene& scene);
+
+// Which kind it is, and why.
+std::string Describe(const CameraPath& path);
 
 }  // namespace nerf

@@ -2,6 +2,7 @@
 // opaque; or, for fields with a fixed number of samples per ray, at the midpoints of their bins.
 #pragma once
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -26,13 +27,14 @@ struct CameraPixel {
 
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
 // samples_per_pixel rays of a pixel follow one another; along the occupancy grid their first intervals are
-// staggered evenly, so that their mean sees the surface at as many depths. Results do not depend on the
-// number of workers.
+// staggered evenly, so that their mean sees the surface at as many depths. Rays end at the distance `end` or
+// where the scene does. Results do not depend on the number of workers.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
                                     int samples_per_pixel,
                                     float step_scale,
-                                    io::Workers* workers);
+                                    io::Workers* workers,
+                                    float end = std::numeric_limits<float>::infinity());
 
 // Means over samples_per_pixel rays of each pixel, a square number, through the centres of its cells. Their
 // number in training, scene_field.samples_per_pixel, serves best.
@@ -40,6 +42,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       std::span<const CameraPixel> pixels,
                                       int samples_per_pixel,
                                       float step_scale,
-                                      io::Workers* workers);
+                                      io::Workers* workers,
+                                      float end = std::numeric_limits<float>::infinity());
 
 }  // namespace nerf

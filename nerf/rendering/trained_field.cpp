@@ -33,7 +33,7 @@ class CheckpointTrainedField : public TrainedField {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
       if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
       for (const RenderedRay& ray :
-           RenderPixels(*scene_field_, band, samples_per_pixel, step_scale, &workers)) {
+           RenderPixels(*scene_field_, band, samples_per_pixel, step_scale, &workers, options.end)) {
         for (std::size_t j = 0; j < 3; ++j) {
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }
@@ -44,6 +44,8 @@ class CheckpointTrainedField : public TrainedField {
     }
     return view;
   }
+
+  bool HasUnknownSpace() const override { return state_.channels != 4 && !scene_field_->background; }
 
  private:
   TrainState state_;

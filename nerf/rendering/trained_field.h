@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -21,6 +22,8 @@ struct RenderOptions {
   // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
   // background is free. Others show their own, plain or learned.
   std::array<float, 3> background = {1, 1, 1};
+  // Distance at which rays end: the opacity is then that of what lies nearer.
+  float end = std::numeric_limits<float>::infinity();
 };
 
 struct RenderedView {
@@ -40,6 +43,10 @@ class TrainedField {
   virtual RenderedView Render(const io::Camera& camera,
                               const io::Rigid3d& world_from_cam,
                               const RenderOptions& options) const = 0;
+
+  // Whether what no picture shows was left open in training, so that anything may be there: opaque pictures
+  // without a plain background. Otherwise it is background.
+  virtual bool HasUnknownSpace() const = 0;
 };
 
 }  // namespace nerf

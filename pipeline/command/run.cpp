@@ -45,7 +45,7 @@ struct RunOptions {
   sfm::ReconstructionOptions sfm;
   NormalizeFlags normalize;
   TrainFlags train;
-  FilmOptions render;
+  FilmFlags render;
 };
 
 struct Forward {
@@ -70,6 +70,7 @@ constexpr Forward kForwards[] = {
     {"frames-out", "render", "frames"},
     {"fps", "render", "fps"},
     {"depth", "render", "depth"},
+    {"support", "render", "support"},
     {"threads", "", "threads"},
     {"force", "", "force"},
 };

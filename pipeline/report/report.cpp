@@ -36,7 +36,10 @@ std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
                            "evaluate/metrics.json",
                            "evaluate/compare",
                            "render/novel_view.mp4",
-                           "render/depth.mp4"}) {
+                           "render/depth.mp4",
+                           "render/support",
+                           "render/support.mp4",
+                           "render/camera_path.json"}) {
     add(path);
   }
   return inputs;

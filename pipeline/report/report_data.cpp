@@ -191,9 +191,13 @@ ReportData GatherReport(const fs::path& run_folder) {
   const Json render = ObjectOf(ReadStageRecord(run_folder, "render"));
   data.film_frames = static_cast<int>(NumberAt(render, "frames"));
   data.film_ms_per_frame = NumberAt(render, "ms_per_frame");
-  const fs::path film = run_folder / "render" / "novel_view.mp4", depth = run_folder / "render" / "depth.mp4";
-  if (fs::is_regular_file(film)) data.film = film;
-  if (fs::is_regular_file(depth)) data.depth_film = depth;
+  const auto film = [&](const char* name) {
+    const fs::path path = run_folder / "render" / name;
+    return fs::is_regular_file(path) ? path : fs::path();
+  };
+  data.film = film("novel_view.mp4"), data.depth_film = film("depth.mp4");
+  data.support_film = film("support.mp4");
+  data.support = FindSupportPictures(run_folder / "render");
   data.scene_json = ScenePlotJson(run_folder);
   return data;
 }

@@ -10,6 +10,7 @@
 #include "nerf/training/training_curve.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/scores.h"
+#include "pipeline/stages/support_pictures.h"
 
 namespace pipeline {
 
@@ -56,7 +57,8 @@ struct ReportData {
   Scores scores;
   std::vector<ComparedView> views;  // worst PSNR first
 
-  std::filesystem::path film, depth_film;  // empty when missing
+  std::filesystem::path film, depth_film, support_film;  // empty when missing
+  std::vector<SupportPictures> support;
   int film_frames = 0;
   double film_ms_per_frame = 0;
   std::string scene_json;  // cameras, points and film path for the plot; empty when there is no scene

@@ -7,6 +7,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/progress.h"
+#include "io/image/colour_map.h"
 #include "io/image/image.h"
 #include "pipeline/report/plot_svg.h"
 #include "pipeline/stages/evaluation.h"
@@ -67,6 +68,47 @@ std::string VideoElement(const std::filesystem::path& mp4, const char* more) {
          Base64(io::ReadFile(mp4)) + "\"></video>\n";
 }
 
+// A picture as a JPEG inside the page.
+std::string PictureElement(const std::filesystem::path& path, const std::string& what) {
+  const io::Image picture = io::ReadImage(path);
+  const int width = std::min(picture.width, kMaxPictureWidth);
+  const double height = static_cast<double>(picture.height) * width / picture.width;
+  const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(height + 0.5)));
+  const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
+  return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
+         Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
+}
+
+// The colours of turbo from left to right, between the captions of both ends.
+std::string Scale(const std::string& low, const std::string& high) {
+  constexpr int kLevels = 256;
+  std::vector<float> levels;
+  for (int i = 0; i < kLevels; ++i) levels.push_back(static_cast<float>(i) / (kLevels - 1));
+  const std::vector<std::uint8_t> png =
+      io::EncodeImage(io::ApplyColourMap(levels, kLevels, 1, io::ColourMap::kTurbo), ".png");
+  return "<span class=\"scale\">" + low + " <img alt=\"blue to red\" src=\"data:image/png;base64," +
+         Base64(std::string(png.begin(), png.end())) + "\"> " + high + "</span>";
+}
+
+std::string SupportPart(const ReportData& data) {
+  if (data.support.empty()) return "";
+  std::string html =
+      "<h3>Support</h3>\n" + Soft(
+                                 "How many training views saw the surface that a pixel shows, and the "
+                                 "largest angle between two of them. Black: none saw it.");
+  html += "<div class=\"columns soft\"><span>film</span>" + Scale("one view", "all") +
+          Scale("0\u00b0", fmt::format("{:.0f}\u00b0", kLargestAngle_deg)) + "</div>\n";
+  for (const SupportPictures& pictures : data.support) {
+    html += "<figure><div class=\"columns\">" + PictureElement(pictures.picture, "film") +
+            PictureElement(pictures.views, "number of views") + PictureElement(pictures.angle, "angle") +
+            "</div><figcaption><span>" + fmt::format("frame {}", pictures.frame + 1) +
+            "</span></figcaption></figure>\n";
+  }
+  if (!data.support_film.empty())
+    html += VideoElement(data.support_film, "") + Soft("Blue: one view, red: all.");
+  return html;
+}
+
 std::string FilmSection(const ReportData& data) {
   std::string html = "<h2>Film</h2>\n";
   if (data.film.empty()) return html + Soft("No film: the stage render has not finished.");
@@ -77,18 +119,7 @@ std::string FilmSection(const ReportData& data) {
   if (!data.depth_film.empty()) {
     html += "<h3>Depth</h3>\n" + VideoElement(data.depth_film, "") + Soft("Near is blue, far is red.");
   }
-  return html;
-}
-
-// A picture as a JPEG inside the page.
-std::string PictureElement(const std::filesystem::path& path, const std::string& what) {
-  const io::Image picture = io::ReadImage(path);
-  const int width = std::min(picture.width, kMaxPictureWidth);
-  const double height = static_cast<double>(picture.height) * width / picture.width;
-  const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(height + 0.5)));
-  const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
-  return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
-         Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
+  return html + SupportPart(data);
 }
 
 std::string ComparisonFigure(const ComparedView& view, std::size_t rank) {

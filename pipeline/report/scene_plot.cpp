@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 // More points than this cost file size and drawing time, and show no more.
 constexpr std::size_t kMaxPoints = 8000;
-constexpr int kPathPoses = 90;
+constexpr std::size_t kPathPoses = 90;
 // Points further away than this many orbit distances would shrink the rest to a dot.
 constexpr double kMaxReach = 2.5;
 // Length of a drawn camera in orbit distances.
@@ -30,6 +30,18 @@ void Append(const Vector3d& p, Json* array) {
   for (const double v : {p.x(), p.y(), p.z()}) array->push_back(Rounded(v));
 }
 
+// The poses of the film; those that it would have where it is not rendered yet.
+std::vector<io::Rigid3d> FilmPoses(const fs::path& run_folder, const nerf::CameraPath& fitted) {
+  const fs::path written = run_folder / "render" / "camera_path.json";
+  if (!fs::is_regular_file(written)) return fitted.world_from_cam;
+  const std::vector<io::Rigid3d> all = nerf::PosesOf(io::ReadTransforms(written).scene);
+  std::vector<io::Rigid3d> poses;
+  const std::size_t n = std::min(all.size(), kPathPoses);
+  for (std::size_t i = 0; i < n; ++i)
+    poses.push_back(all[i * (all.size() - 1) / std::max<std::size_t>(1, n - 1)]);
+  return poses;
+}
+
 }  // namespace
 
 std::string ScenePlotJson(const fs::path& run_folder) {
@@ -38,13 +50,13 @@ std::string ScenePlotJson(const fs::path& run_folder) {
   const fs::path points_file = run_folder / "scene" / "points.ply";
   if (!fs::is_regular_file(train_file)) return "";
   const io::Scene train = io::ReadTransforms(train_file).scene;
-  const nerf::CameraPath path = nerf::FitOrbit(train, kPathPoses);
+  const nerf::CameraPath path = nerf::FitCameraPath(train, kPathPoses);
 
   Eigen::Matrix3d axes;  // columns: the plot's x, y, z in the world
-  const Vector3d x = path.up.unitOrthogonal();
-  axes << x, path.up.cross(x), path.up;
+  const Vector3d x = path.capture.up.unitOrthogonal();
+  axes << x, path.capture.up.cross(x), path.capture.up;
   const auto to_plot = [&](const Vector3d& p) -> Vector3d {
-    return axes.transpose() * (p - path.focus) / path.distance;
+    return axes.transpose() * (p - path.capture.focus) / path.distance;
   };
 
   Json json;
@@ -67,7 +79,8 @@ std::string ScenePlotJson(const fs::path& run_folder) {
   if (fs::is_regular_file(test_file)) add_cameras(io::ReadTransforms(test_file).scene, "test");
 
   json["path"] = Json::array();
-  for (const io::Rigid3d& pose : path.world_from_cam) Append(to_plot(pose.translation), &json["path"]);
+  for (const io::Rigid3d& pose : FilmPoses(run_folder, path))
+    Append(to_plot(pose.translation), &json["path"]);
   json["points"] = Json::array();
   if (fs::is_regular_file(points_file)) {
     const std::vector<io::Point3D> points = io::ReadPly(points_file);

@@ -3,25 +3,51 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
+#include <numbers>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
 #include "io/base/progress.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
+#include "io/image/image_size.h"
+#include "io/scene/transforms.h"
+#include "nerf/rendering/free_path.h"
 #include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/support_pictures.h"
 
 namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
+using Seconds = std::chrono::duration<double>;
 
 // Below this, encoders refuse the picture or pad it.
 constexpr int kMinSide = 32;
+// Shortest and longest default film.
+constexpr double kMinFilm_s = 6, kMaxFilm_s = 12;
+// Speed of a walk in radians of picture motion per second: a picture of usual width is crossed in 2 s.
+constexpr double kWalkSpeed = 0.5;
+// Frames whose speed is tried, at this share of the film's sides: a thousandth of the film's time.
+constexpr int kTrialFrames = 3;
+constexpr int kTrialScale = 4;
+// Frames whose support is drawn for the report.
+constexpr int kSupportFrames = 3;
+// Longer side of their pictures: two and a half stand beside one another on a wide screen.
+constexpr int kSupportSide = 480;
+// Shown where no training view has observed anything, sRGB: darker than what pictures show, not quite black.
+constexpr std::array<float, 3> kUnseenTone = {0.085f, 0.09f, 0.1f};
 
 int EvenSide(double pixels) { return std::max(kMinSide, 2 * static_cast<int>(std::lround(pixels / 2))); }
+
+io::Camera EvenCamera(const io::Camera& camera, double width) {
+  const int even_width = EvenSide(width);
+  return io::ResizedCamera(
+      camera, even_width, EvenSide(static_cast<double>(even_width) / camera.width * camera.height));
+}
 
 // Depth in turbo colours between near and far, faded to black where rays leave the scene.
 io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) {
@@ -37,24 +63,160 @@ io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) 
   return picture;
 }
 
-std::string PathDecision(const nerf::CameraPath& path) {
-  if (path.closed) {
-    return fmt::format("camera path: full orbit at distance {:.2f}, because cameras stood all around",
-                       path.distance);
+// Renders and writes the frames of one film.
+class FilmMaker {
+ public:
+  FilmMaker(const nerf::TrainedField& field,
+            const io::Scene& train,
+            const FilmOptions& options,
+            const fs::path& folder)
+      : field_(field),
+        train_(train),
+        options_(options),
+        folder_(folder),
+        support_(field, train, options.threads) {
+    render_options_.step_scale = 1;  // in motion the finer interval is not seen, and it would double the wait
+    render_options_.threads = options.threads;
+    render_options_.samples_per_pixel = options.pixel_rays;
   }
-  return fmt::format(
-      "camera path: swing over {:.0f} degrees at distance {:.2f}, because no camera saw the other sides",
-      path.arc_deg,
-      path.distance);
+
+  void FindPath(Film* film) const;
+  void ChooseSize(Film* film) const;
+  void WritePath(const Film& film) const;
+  // Whether a frame had to be rendered; adds the time of that to film->ms_per_frame.
+  bool MakeFrame(int frame, Film* film) const;
+
+ private:
+  fs::path FramePath(const char* kind, int frame) const { return folder_ / kind / io::VideoFrameName(frame); }
+  bool IsSupportFrame(int frame, int frames) const {
+    for (int k = 0; k < kSupportFrames; ++k) {
+      if (frame == (2 * k + 1) * frames / (2 * kSupportFrames)) return true;
+    }
+    return false;
+  }
+  void WriteSupport(int frame, const nerf::ViewSupport& support, const io::Image& picture) const;
+
+  const nerf::TrainedField& field_;
+  const io::Scene& train_;
+  const FilmOptions& options_;
+  const fs::path& folder_;
+  const nerf::SupportMap support_;
+  nerf::RenderOptions render_options_;
+};
+
+void FilmMaker::FindPath(Film* film) const {
+  film->frames = options_.frames;
+  if (film->frames == 0) {
+    const int shortest = static_cast<int>(std::ceil(kMinFilm_s * options_.fps));
+    film->frames = DefaultFrames(nerf::FitCameraPath(train_, std::max(2, shortest)), options_.fps);
+  }
+  film->path = nerf::FitCameraPath(train_, std::max(2, film->frames));
+  film->decisions.push_back("camera path: " + nerf::Describe(film->path));
+  const nerf::FreePathReport free = nerf::KeepFree(field_, train_, support_, options_.threads, &film->path);
+  std::string line = fmt::format("free path: {} of {} poses were obstructed or looked where no picture did",
+                                 free.obstructed,
+                                 free.checked);
+  if (free.obstructed > 0)
+    line += fmt::format(", {} still after drawing the path towards the cameras", free.remaining);
+  film->decisions.push_back(
+      line + fmt::format("; never further than {:.0f} degrees of picture motion from a training view",
+                         nerf::LargestDeparture(film->path, train_) * 180 / std::numbers::pi));
+}
+
+void FilmMaker::ChooseSize(Film* film) const {
+  const io::Camera& trained = train_.cameras.at(static_cast<std::size_t>(train_.frames.at(0).camera_index));
+  film->camera = FilmCamera(train_, options_.width, options_.photo_side);
+  if (options_.width > 0) return;
+  if (const fs::path first = FramePath("frames", 0); fs::is_regular_file(first)) {
+    film->camera = EvenCamera(trained, io::ReadImageSize(first).width);
+    return;
+  }
+  const io::Camera trial = EvenCamera(trained, static_cast<double>(film->camera.width) / kTrialScale);
+  const auto start = std::chrono::steady_clock::now();
+  for (int k = 0; k < kTrialFrames; ++k) {
+    const auto pose = static_cast<std::size_t>((2 * k + 1) * film->frames / (2 * kTrialFrames));
+    field_.Render(trial, film->path.world_from_cam[pose], render_options_);
+  }
+  const double trial_pixels = static_cast<double>(kTrialFrames) * trial.width * trial.height;
+  const double pixels = static_cast<double>(film->frames) * film->camera.width * film->camera.height;
+  const double expected_s = Seconds(std::chrono::steady_clock::now() - start).count() * pixels / trial_pixels;
+  if (expected_s <= options_.ceiling_s) return;
+  const int wanted = film->camera.width;
+  const double width = wanted * std::sqrt(options_.ceiling_s / expected_s);
+  film->camera = EvenCamera(trained, std::min<double>(wanted, std::max<double>(width, trained.width)));
+  film->decisions.push_back(
+      fmt::format("film {} wide instead of {}, whose frames would take {:.0f} s; the ceiling is {:.0f} s",
+                  film->camera.width,
+                  wanted,
+                  expected_s,
+                  options_.ceiling_s));
+}
+
+void FilmMaker::WritePath(const Film& film) const {
+  io::Scene scene;
+  scene.cameras = {film.camera};
+  for (int i = 0; i < film.frames; ++i)
+    scene.frames.push_back(
+        {FramePath("frames", i), 0, film.path.world_from_cam[static_cast<std::size_t>(i)], {}});
+  io::WriteTransforms(folder_ / "camera_path.json", scene, "");
+}
+
+void FilmMaker::WriteSupport(int frame, const nerf::ViewSupport& support, const io::Image& picture) const {
+  const double scale =
+      std::min(1.0, static_cast<double>(kSupportSide) / std::max(picture.width, picture.height));
+  const int width = static_cast<int>(std::lround(scale * picture.width)),
+            height = static_cast<int>(std::lround(scale * picture.height));
+  const SupportPictures paths = SupportPicturePaths(folder_, frame);
+  io::WriteImage(paths.picture, io::ResizeArea(picture, width, height));
+  io::WriteImage(paths.angle, ViewAnglePicture(support, width, height));
+  io::WriteImage(paths.views,
+                 ViewCountPicture(support, static_cast<int>(train_.frames.size()), width, height));
+}
+
+bool FilmMaker::MakeFrame(int frame, Film* film) const {
+  const fs::path picture_path = FramePath("frames", frame), depth_path = FramePath("depth_frames", frame),
+                 support_path = FramePath("support_frames", frame);
+  const bool shows_support = IsSupportFrame(frame, film->frames);
+  if (fs::is_regular_file(picture_path) && (!options_.depth || fs::is_regular_file(depth_path)) &&
+      (!options_.support || fs::is_regular_file(support_path)) &&
+      (!shows_support || fs::is_regular_file(SupportPicturePaths(folder_, frame).views)))
+    return false;
+  const auto start = std::chrono::steady_clock::now();
+  const io::Rigid3d& pose = film->path.world_from_cam[static_cast<std::size_t>(frame)];
+  nerf::RenderedView view = field_.Render(film->camera, pose, render_options_);
+  const bool unknown = field_.HasUnknownSpace();
+  nerf::ViewSupport support;
+  if (options_.support || shows_support) {
+    support = support_.Of(film->camera, pose, view, options_.threads);
+  } else if (unknown) {
+    support = support_.ObservedIn(film->camera, pose, view, options_.threads);
+  }
+  if (unknown) nerf::VeilUnobserved(support, kUnseenTone, &view);
+  film->ms_per_frame += 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
+  const io::Image picture = QuantizeView(view);
+  if (options_.depth) io::WriteImage(depth_path, DepthPicture(view, train_.near, train_.far));
+  if (options_.support) {
+    const int n_views = static_cast<int>(train_.frames.size());
+    io::WriteImage(support_path, ViewCountPicture(support, n_views, view.width, view.height));
+  }
+  if (shows_support) WriteSupport(frame, support, picture);
+  io::WriteImage(picture_path, picture);
+  return true;
 }
 
 }  // namespace
 
-io::Camera FilmCamera(const io::Scene& train, int width) {
-  const io::Camera& camera = train.cameras.at(train.frames.at(0).camera_index);
-  const int even_width = EvenSide(width > 0 ? width : camera.width);
-  const double scale = static_cast<double>(even_width) / camera.width;
-  return io::ResizedCamera(camera, even_width, EvenSide(scale * camera.height));
+io::Camera FilmCamera(const io::Scene& train, int width, int photo_side) {
+  const io::Camera& camera = train.cameras.at(static_cast<std::size_t>(train.frames.at(0).camera_index));
+  if (width > 0) return EvenCamera(camera, width);
+  const int trained = std::max(camera.width, camera.height);
+  const int side = std::min(kFilmSide, std::max(trained, photo_side));
+  return EvenCamera(camera, static_cast<double>(camera.width) * side / trained);
+}
+
+int DefaultFrames(const nerf::CameraPath& path, double fps) {
+  const double walk_s = path.kind == nerf::PathKind::kWalk ? nerf::TotalMotion(path) / kWalkSpeed : 0;
+  return std::max(2, static_cast<int>(std::ceil(std::clamp(walk_s, kMinFilm_s, kMaxFilm_s) * fps)));
 }
 
 Film RenderFilm(const nerf::TrainedField& field,
@@ -62,44 +224,31 @@ Film RenderFilm(const nerf::TrainedField& field,
                 const FilmOptions& options,
                 const fs::path& folder) {
   Film film;
-  film.path = nerf::FitOrbit(train, options.frames);
-  film.camera = FilmCamera(train, options.width);
-  film.decisions.push_back(PathDecision(film.path));
-  const io::VideoEncoder encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
+  const io::Camera largest = FilmCamera(train, options.width, options.photo_side);
+  const io::VideoEncoder encoder = io::ProbeVideoEncoder(largest.width, largest.height, folder);
+  const FilmMaker maker(field, train, options, folder);
+  maker.FindPath(&film);
+  maker.ChooseSize(&film);
   film.decisions.push_back(encoder.decision);
+  maker.WritePath(film);
 
-  const fs::path frames = folder / "frames", depth_frames = folder / "depth_frames";
-  nerf::RenderOptions render_options;
-  render_options.step_scale = 1;  // in motion the finer interval is not seen, and it would double the wait
-  render_options.threads = options.threads;
-  render_options.samples_per_pixel = options.pixel_rays;
   io::Progress progress("render: film");
-  std::chrono::duration<double> render_time(0);
-  for (int i = 0; i < options.frames; ++i) {
+  for (int i = 0; i < film.frames; ++i) {
     io::ThrowIfInterrupted();
-    const fs::path frame = frames / io::VideoFrameName(i), depth_frame = depth_frames / io::VideoFrameName(i);
-    const bool done = fs::is_regular_file(frame) && (!options.depth || fs::is_regular_file(depth_frame));
-    if (!done) {
-      const auto start = std::chrono::steady_clock::now();
-      const nerf::RenderedView view = field.Render(film.camera, film.path.world_from_cam[i], render_options);
-      render_time += std::chrono::steady_clock::now() - start;
-      ++film.rendered;
-      if (options.depth) io::WriteImage(depth_frame, DepthPicture(view, train.near, train.far));
-      io::WriteImage(frame, QuantizeView(view));
-    }
-    progress.Update((i + 1.0) / options.frames);
+    film.rendered += maker.MakeFrame(i, &film);
+    progress.Update((i + 1.0) / film.frames);
   }
-  if (film.rendered > 0) film.ms_per_frame = 1000 * render_time.count() / film.rendered;
-  if (film.rendered < options.frames) {
+  if (film.rendered > 0) film.ms_per_frame /= film.rendered;
+  if (film.rendered < film.frames) {
     film.decisions.push_back(
-        fmt::format("{} frames were on disk already and were kept", options.frames - film.rendered));
+        fmt::format("{} frames were on disk already and were kept", film.frames - film.rendered));
   }
-  film.videos.push_back(
-      io::EncodeVideo(encoder, frames, options.frames, options.fps, folder / "novel_view.mp4"));
-  if (options.depth) {
-    film.videos.push_back(
-        io::EncodeVideo(encoder, depth_frames, options.frames, options.fps, folder / "depth.mp4"));
-  }
+  const auto encode = [&](const char* frames, const char* name) {
+    film.videos.push_back(io::EncodeVideo(encoder, folder / frames, film.frames, options.fps, folder / name));
+  };
+  encode("frames", "novel_view.mp4");
+  if (options.depth) encode("depth_frames", "depth.mp4");
+  if (options.support) encode("support_frames", "support.mp4");
   return film;
 }
 

@@ -1,4 +1,5 @@
-// The novel-view film: an orbit through observed space, rendered frame by frame and encoded.
+// The novel-view film: a path through observed space (nerf/rendering/camera_path.h), rendered frame by frame
+// and encoded.
 #pragma once
 
 #include <filesystem>
@@ -8,34 +9,48 @@
 #include "io/scene/scene.h"
 #include "io/video/video_writer.h"
 #include "nerf/rendering/camera_path.h"
+#include "nerf/rendering/support_map.h"
 #include "nerf/rendering/trained_field.h"
 
 namespace pipeline {
 
 struct FilmOptions {
-  int frames = 120;
-  double fps = 30;     // frames per second of the film
-  int width = 0;       // pixels; 0: that of the training pictures. Rounded to even, as yuv420p needs
-  bool depth = false;  // also depth.mp4: distance along the ray, near blue to far red
-  int pixel_rays = 0;  // see nerf::RenderOptions
+  int frames = 0;          // 0: 6 s of film, for a long walk up to 12 s
+  double fps = 30;         // frames per second of the film
+  int width = 0;           // pixels, rounded to even, as yuv420p needs; 0: see FilmCamera
+  double ceiling_s = 180;  // the film becomes smaller until rendering takes no longer; as long as training
+  bool depth = false;      // also depth.mp4: distance along the ray, near blue to far red
+  bool support = false;    // also support.mp4: number of training views that saw what a pixel shows
+  int pixel_rays = 0;      // see nerf::RenderOptions
   int threads = 1;
+  int photo_side = 0;  // longer side of the photos before they were made smaller for training; 0: unknown
 };
 
 struct Film {
   io::Camera camera;
   nerf::CameraPath path;
-  int rendered = 0;         // frames rendered now; the others were on disk already
+  int frames = 0;           // of the film
+  int rendered = 0;         // of these, rendered now; the others were on disk already
   double ms_per_frame = 0;  // of those
   std::vector<io::VideoReport> videos;
   std::vector<std::string> decisions;
 };
 
-// The camera of the film: the first training camera, resized to even width and height.
-io::Camera FilmCamera(const io::Scene& train, int width);
+// Longer side of the default film.
+inline constexpr int kFilmSide = 1280;
 
-// Writes folder/novel_view.mp4 and folder/frames/000001.png ... (and depth.mp4, depth_frames/). The encoder
-// is tried before the first frame is rendered; frames that are on disk already are kept, so an interrupted or
-// failed run continues where it stopped. Throws kMissingTool when no film can be encoded.
+// The camera of the film: the first training camera, resized to even width and height. Without a width, the
+// longer side is kFilmSide, but not more than the photos have, nor less than the training pictures.
+io::Camera FilmCamera(const io::Scene& train, int width, int photo_side);
+
+// Frames of a film along `path` for FilmOptions::frames = 0.
+int DefaultFrames(const nerf::CameraPath& path, double fps);
+
+// Writes folder/novel_view.mp4 and folder/frames/000001.png ..., camera_path.json with the poses of the
+// frames as a transforms.json, maps of the support of some frames in support/ (support_pictures.h), and
+// depth.mp4, depth_frames/, support.mp4, support_frames/ on request. The encoder is tried before the first
+// frame is rendered; frames that are on disk already are kept, so an interrupted or failed run continues
+// where it stopped. Throws kMissingTool when no film can be encoded.
 Film RenderFilm(const nerf::TrainedField& field,
                 const io::Scene& train,
                 const FilmOptions& options,

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 
 #include "io/scene/transforms.h"
@@ -13,24 +14,36 @@
 namespace pipeline {
 namespace {
 
-void Render(const CommonOptions& common, const FilmOptions& options, const Options& bound) {
-  const std::filesystem::path transforms = common.out / "scene/transforms_train.json";
-  const std::filesystem::path checkpoint = common.out / "train/checkpoint.bin";
+namespace fs = std::filesystem;
+
+// Longer side of the photos as `sfm` undistorted them; 0 when the poses were given and it is not known.
+int PhotoSide(const fs::path& sfm_transforms) {
+  if (!fs::is_regular_file(sfm_transforms)) return 0;
+  int side = 0;
+  for (const io::Camera& camera : io::ReadTransforms(sfm_transforms).scene.cameras)
+    side = std::max({side, camera.width, camera.height});
+  return side;
+}
+
+void Render(const CommonOptions& common, FilmOptions options, const Options& bound) {
+  const fs::path transforms = common.out / "scene/transforms_train.json";
+  const fs::path checkpoint = common.out / "train/checkpoint.bin";
   StageRun stage("render", common, bound, {transforms, checkpoint}, true);
   if (stage.IsUpToDate()) return;
+  options.photo_side = PhotoSide(common.out / "sfm/transforms.json");
   const io::Scene train = io::ReadTransforms(transforms).scene;
   const Film film = RenderFilm(*nerf::TrainedField::Load(checkpoint), train, options, stage.folder());
 
   for (const std::string& decision : film.decisions) stage.Decide(decision);
   for (const io::VideoReport& video : film.videos) stage.AddChildUse(video.cpu_s, video.peak_rss_bytes);
-  stage.Set("frames", options.frames);
+  stage.Set("frames", film.frames);
   stage.Set("fps", options.fps);
   stage.Set("width", film.camera.width);
   stage.Set("height", film.camera.height);
   if (film.rendered > 0) stage.Set("ms_per_frame", film.ms_per_frame);
   stage.Set("film_bytes", static_cast<double>(film.videos[0].bytes));
   std::printf("render: %d frames of %dx%d, %.0f ms each\n",
-              options.frames,
+              film.frames,
               film.camera.width,
               film.camera.height,
               film.ms_per_frame);
@@ -42,11 +55,16 @@ void Render(const CommonOptions& common, const FilmOptions& options, const Optio
 int RunRender(int argc, const char* const* argv) {
   return GuardedMain("pipeline render", [&] {
     CommonOptions common;
-    FilmOptions options;
-    Options bound("pipeline render", "Renders the novel-view film along an orbit fitted to the cameras.");
+    FilmFlags flags;
+    Options bound(
+        "pipeline render",
+        "Renders the novel-view film. Its path follows the capture: around a subject, among cameras that\n"
+        "look the same way, or along those of a walk; never where no picture was taken nearby.");
     AddCommonOptions(&bound, &common);
-    AddRenderOptions(&bound, &options);
+    AddRenderOptions(&bound, &flags);
     if (!bound.Parse(argc, argv)) return;
+    FilmOptions options = flags.film;
+    options.ceiling_s = ParseDuration("max-time", flags.max_time);
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);
     Render(common, options, bound);

@@ -1,6 +1,17 @@
 #include "pipeline/stages/stage_options.h"
 
+#include "io/base/error.h"
+
 namespace pipeline {
+namespace {
+
+void RefuseOneFrame(const std::string& option_name, const std::string& text) {
+  if (std::stoi(text) == 1)
+    throw io::Error(
+        io::ExitCode::kUsage, "--" + option_name + ": a film has at least 2 frames", "See --help");
+}
+
+}  // namespace
 
 void AddSfmOptions(Options* options, sfm::ReconstructionOptions* sfm) {
   options->Add("features", &sfm->features, "SIFT features per picture", {.min = 100, .max = 16384});
@@ -41,13 +52,27 @@ void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate) {
                {.min = 0});
 }
 
-void AddRenderOptions(Options* options, FilmOptions* render) {
+void AddRenderOptions(Options* options, FilmFlags* flags) {
+  FilmOptions* render = &flags->film;
   // Limits against typing errors: an hour of film at 60 frames per second, 8K.
-  options->Add("frames", &render->frames, "frames of the film", {.min = 2, .max = 216000});
+  options->Add("frames",
+               &render->frames,
+               "frames of the film, at least 2; 0 = 6 seconds, up to 12 for a long walk",
+               {.min = 0, .max = 216000, .check = RefuseOneFrame});
   options->Add("fps", &render->fps, "frames per second of the film", {.min = 1, .max = 240});
-  options->Add(
-      "size", &render->width, "width in pixels; 0 = that of the training pictures", {.min = 0, .max = 7680});
+  options->Add("size",
+               &render->width,
+               "width in pixels; 0 = longer side 1280, as far as the photos and --max-time allow it",
+               {.min = 0, .max = 7680});
+  options->Add("max-time",
+               &flags->max_time,
+               "ceiling of the rendering time: the film becomes smaller, at least as large as the training "
+               "pictures; not with --size",
+               {.check = ParseDuration});
   options->Add("depth", &render->depth, "also write depth.mp4");
+  options->Add("support",
+               &render->support,
+               "also write support.mp4: how many training views saw what a pixel shows, blue one, red all");
   options->Add("pixel-rays",
                &render->pixel_rays,
                "rays per pixel: 1, 4, 9 or 16; 0 = as in training; fewer are faster, and jagged",

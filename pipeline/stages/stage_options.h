@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "pipeline/stage/options.h"
 #include "pipeline/stages/evaluation.h"
@@ -17,9 +18,14 @@ struct NormalizeFlags {
   int holdout_every = 8;
 };
 
+struct FilmFlags {
+  FilmOptions film;
+  std::string max_time = "3m";  // FilmOptions::ceiling_s
+};
+
 void AddSfmOptions(Options* options, sfm::ReconstructionOptions* sfm);
 void AddNormalizeOptions(Options* options, NormalizeFlags* normalize);
 void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate);
-void AddRenderOptions(Options* options, FilmOptions* render);
+void AddRenderOptions(Options* options, FilmFlags* render);
 
 }  // namespace pipeline

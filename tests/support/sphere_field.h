@@ -2,6 +2,7 @@
 // origin with a chequered surface, before a grey background.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -28,8 +29,9 @@ class SphereField : public nerf::TrainedField {
         const Eigen::Vector3d ray = world_from_cam.rotation * *io::RayFromImg(camera, {x + 0.5, y + 0.5});
         const Eigen::Vector3d& origin = world_from_cam.translation;
         const double b = origin.dot(ray), discriminant = b * b - origin.squaredNorm() + 1;
-        const bool hit = discriminant > 0;
-        const double t = hit ? -b - std::sqrt(discriminant) : 6;
+        const double end = std::min<double>(6, options.end);
+        const bool hit = discriminant > 0 && -b - std::sqrt(discriminant) < end;
+        const double t = hit ? -b - std::sqrt(discriminant) : end;
         const Eigen::Vector3d p = origin + t * ray;
         const bool dark =
             hit && (std::lround(5 * std::atan2(p.y(), p.x())) + std::lround(4 * p.z())) % 2 != 0;
@@ -42,6 +44,8 @@ class SphereField : public nerf::TrainedField {
     }
     return view;
   }
+
+  bool HasUnknownSpace() const override { return false; }
 
   mutable int n_renders = 0;
   mutable nerf::RenderOptions last_options;

@@ -248,7 +248,7 @@ TEST_F(FakeStages, CommandStartsStagesAndExplainsItself) {
   EXPECT_EQ(Pipeline({}), 2);
   EXPECT_EQ(Pipeline({"run", "--help"}), 0);
   // The stages' own help and defaults.
-  for (const char* part : {"frames of the film (render); at least 2, at most 216000 [120]",
+  for (const char* part : {"for a long walk (render); at least 0, at most 216000 [0]",
                            "(train) [\"3m\"]",
                            "SIFT features per picture (sfm); at least 100, at most 16384 [4096]",
                            "(normalize); at least 0 [512]",

@@ -268,7 +268,8 @@ TEST_F(Browser, WholeRunShowsEverythingWithoutAFault) {
   const Json seen = Open(run.path / "report.html");
   EXPECT_EQ(seen["faults"], Json::array()) << seen["faults"];
   EXPECT_EQ(seen["title"], "sphere photos");
-  ASSERT_EQ(seen["images"].size(), static_cast<std::size_t>(3 * kViews));  // truth, render, error
+  // Truth, render, error; three frames of the film with their support, and its two scales.
+  ASSERT_EQ(seen["images"].size(), static_cast<std::size_t>(3 * kViews + 3 * 3 + 2));
   for (const Json& width : seen["images"]) EXPECT_GT(width, 0);
   EXPECT_GE(seen["video"][0], 2);  // HAVE_CURRENT_DATA
   EXPECT_EQ(seen["video"][1], 120);

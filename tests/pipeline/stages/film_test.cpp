@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <opencv2/core.hpp>
@@ -12,6 +13,8 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/image/image.h"
+#include "io/scene/transforms.h"
+#include "pipeline/stages/support_pictures.h"
 #include "tests/support/require_program.h"
 #include "tests/support/sphere_field.h"
 
@@ -67,10 +70,73 @@ TEST_F(FilmTest, RaysPerPixelReachTheField) {
 }
 
 TEST_F(FilmTest, WidthScalesTheCamera) {
-  const io::Camera camera = pipeline::FilmCamera(scene_, 41);
+  const io::Camera camera = pipeline::FilmCamera(scene_, 41, 0);
   EXPECT_EQ(camera.width, 42);
   EXPECT_NEAR(camera.fl_x, 1.3 * 42, 1e-9);
   EXPECT_NEAR(camera.cx, 21, 1e-9);
+}
+
+TEST_F(FilmTest, DefaultIs1280WideWhereThePhotosAllowIt) {
+  EXPECT_EQ(pipeline::FilmCamera(scene_, 0, 4000).width, 1280);
+  EXPECT_EQ(pipeline::FilmCamera(scene_, 0, 640).width, 640);
+  EXPECT_EQ(pipeline::FilmCamera(scene_, 0, 0).width, 82);  // of training, even
+  scene_.cameras[0] = io::ResizedCamera(scene_.cameras[0], 60, 120);
+  const io::Camera upright = pipeline::FilmCamera(scene_, 0, 4000);
+  EXPECT_EQ(upright.height, 1280);
+  EXPECT_EQ(upright.width, 640);
+}
+
+TEST_F(FilmTest, DefaultLastsSixSecondsAndALongWalkTwelve) {
+  nerf::CameraPath path = nerf::FitCameraPath(scene_, 60);
+  EXPECT_EQ(pipeline::DefaultFrames(path, 30), 180);
+  EXPECT_EQ(pipeline::DefaultFrames(path, 24), 144);
+  path.kind = nerf::PathKind::kWalk;
+  path.capture.depth = 0.01;
+  EXPECT_EQ(pipeline::DefaultFrames(path, 30), 360);
+}
+
+TEST_F(FilmTest, ShrinksUntilItFitsTheCeilingButNotBelowTheTrainingPictures) {
+  options_.photo_side = 160;
+  options_.ceiling_s = 1e-9;
+  const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+  EXPECT_EQ(film.camera.width, 82);
+  EXPECT_TRUE(std::any_of(film.decisions.begin(), film.decisions.end(), [](const std::string& line) {
+    return line.find("instead of 160") != std::string::npos;
+  }));
+  // Going on, it keeps the size of the frames that are there.
+  options_.ceiling_s = 1e9;
+  EXPECT_EQ(pipeline::RenderFilm(SphereField(), scene_, options_, folder_).camera.width, 82);
+}
+
+TEST_F(FilmTest, PosesOfTheFramesAreWritten) {
+  const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+  const io::Scene written = io::ReadTransforms(folder_ / "camera_path.json").scene;
+  ASSERT_EQ(written.frames.size(), 6u);
+  EXPECT_EQ(written.cameras[0], film.camera);
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_NEAR(
+        (written.frames[i].world_from_cam.translation - film.path.world_from_cam[i].translation).norm(),
+        0,
+        1e-9);
+  }
+}
+
+TEST_F(FilmTest, SupportIsBlackWhereNoViewSawTheSurface) {
+  options_.support = true;
+  // Cameras on one side of the sphere, and a film that looks at it from there too.
+  scene_.frames.resize(3);
+  pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+  EXPECT_EQ(CountFrames(folder_ / "support.mp4"), 6);
+  const std::vector<pipeline::SupportPictures> pictures = pipeline::FindSupportPictures(folder_);
+  ASSERT_EQ(pictures.size(), 3u);
+  EXPECT_EQ(pictures[0].frame, 1);
+  const io::Image views = io::ReadImage(pictures[0].views), angle = io::ReadImage(pictures[0].angle);
+  const auto brightness = [](const io::Image& image, int x, int y) {
+    const std::uint8_t* pixel = image.Pixel(x, y);
+    return pixel[0] + pixel[1] + pixel[2];
+  };
+  EXPECT_GT(brightness(views, views.width / 2, views.height / 2), 100);
+  EXPECT_GT(brightness(angle, views.width / 2, views.height / 2), 100);
 }
 
 TEST_F(FilmTest, ContinuesAtTheFirstMissingFrame) {
@@ -78,9 +144,7 @@ TEST_F(FilmTest, ContinuesAtTheFirstMissingFrame) {
   const std::string before = io::ReadFile(folder_ / "frames" / "000004.png");
   fs::remove(folder_ / "frames" / "000003.png");
   fs::remove(folder_ / "novel_view.mp4");
-  const SphereField field;
-  const pipeline::Film film = pipeline::RenderFilm(field, scene_, options_, folder_);
-  EXPECT_EQ(field.n_renders, 1);
+  const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
   EXPECT_EQ(film.rendered, 1);
   EXPECT_EQ(io::ReadFile(folder_ / "frames" / "000004.png"), before);
   EXPECT_EQ(CountFrames(folder_ / "novel_view.mp4"), 6);

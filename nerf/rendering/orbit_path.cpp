@@ -1,0 +1,157 @@
+// Paths around a subject, and before it.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "io/scene/decomposition.h"
+#include "nerf/rendering/path_shapes.h"
+
+namespace nerf {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+constexpr double kPi = std::numbers::pi;
+constexpr double kDeg = kPi / 180;
+
+// Cameras further apart than this in azimuth leave a side that nobody has photographed: the path turns back
+// there.
+constexpr double kOpenGap = 60 * kDeg;
+// Half-width of the azimuth average: wide enough to smooth the unsteady hand, narrower than a side of the
+// object.
+constexpr double kSmoothing = 15 * kDeg;
+// Share of the way from the focus to where the nearby cameras looked: framed as they did it, without losing
+// the subject where they came close to a part of it.
+constexpr double kAimShare = 0.5;
+// Straight above the focus an upright camera has no direction to lean.
+constexpr double kMaxElevation = 80 * kDeg;
+// Half axes of the sway in standard deviations of the cameras: 0.6 of the half width of evenly filled ground,
+// and 0.85 of a ring's radius.
+constexpr double kSwaySigmas = 1.2;
+
+struct Spherical {
+  double azimuth, elevation, distance;
+  Vector3d aim;  // the point of the optical axis that is nearest to the focus
+};
+
+// Columns: azimuth 0, azimuth 90 degrees, up.
+Matrix3d OrbitAxes(const Vector3d& up) {
+  const Vector3d x = up.unitOrthogonal();
+  Matrix3d axes;
+  axes << x, up.cross(x), up;
+  return axes;
+}
+
+double WrapAngle(double angle) { return std::remainder(angle, 2 * kPi); }
+
+std::vector<Spherical> AroundFocus(const std::vector<io::Rigid3d>& cameras,
+                                   const Vector3d& focus,
+                                   const Matrix3d& axes) {
+  std::vector<Spherical> around;
+  for (const io::Rigid3d& camera : cameras) {
+    const Vector3d offset = axes.transpose() * (camera.translation - focus);
+    const Vector3d view = -camera.rotation.col(2);
+    around.push_back({std::atan2(offset.y(), offset.x()),
+                      std::atan2(offset.z(), std::hypot(offset.x(), offset.y())),
+                      offset.norm(),
+                      camera.translation + (focus - camera.translation).dot(view) * view});
+  }
+  return around;
+}
+
+// The covered arc [start, start + length], all but the largest gap between neighbouring azimuths.
+struct Arc {
+  double start, length, largest_inner_gap;
+};
+
+Arc CoveredArc(const std::vector<Spherical>& cameras) {
+  std::vector<double> azimuths;
+  for (const Spherical& camera : cameras) azimuths.push_back(camera.azimuth);
+  std::sort(azimuths.begin(), azimuths.end());
+  std::vector<double> gaps;  // gaps[i] precedes azimuths[i]
+  for (std::size_t i = 0; i < azimuths.size(); ++i) {
+    gaps.push_back(i == 0 ? azimuths.front() + 2 * kPi - azimuths.back() : azimuths[i] - azimuths[i - 1]);
+  }
+  const auto first = static_cast<std::size_t>(std::max_element(gaps.begin(), gaps.end()) - gaps.begin());
+  const double largest = gaps[first];
+  gaps[first] = 0;
+  return {azimuths[first], 2 * kPi - largest, *std::max_element(gaps.begin(), gaps.end())};
+}
+
+// Means over the cameras around `azimuth`, and the spread of their elevation.
+struct LocalMean {
+  double elevation, distance, elevation_spread;
+  Vector3d aim;
+};
+
+LocalMean MeanNear(const std::vector<Spherical>& cameras, double azimuth, double sigma) {
+  double weights = 0, elevation = 0, elevation2 = 0, distance = 0;
+  Vector3d aim = Vector3d::Zero();
+  for (const Spherical& camera : cameras) {
+    const double offset = WrapAngle(camera.azimuth - azimuth) / sigma;
+    const double weight = std::exp(-0.5 * offset * offset);
+    weights += weight;
+    elevation += weight * camera.elevation;
+    elevation2 += weight * camera.elevation * camera.elevation;
+    distance += weight * camera.distance;
+    aim += weight * camera.aim;
+  }
+  elevation /= weights;
+  return {elevation,
+          distance / weights,
+          std::sqrt(std::max(0.0, elevation2 / weights - elevation * elevation)),
+          aim / weights};
+}
+
+}  // namespace
+
+void FitOrbit(const std::vector<io::Rigid3d>& cameras, int frames, CameraPath* path) {
+  const Vector3d& focus = path->capture.focus;
+  const Matrix3d axes = OrbitAxes(path->capture.up);
+  const std::vector<Spherical> around = AroundFocus(cameras, focus, axes);
+  const Arc arc = CoveredArc(around);
+  const bool closed = 2 * kPi - arc.length < kOpenGap;
+  path->kind = closed ? PathKind::kOrbit : PathKind::kArc;
+  path->arc_deg = closed ? 360 : arc.length / kDeg;
+  const double sigma = std::max(kSmoothing, 0.5 * arc.largest_inner_gap);
+  const double start = closed ? around.front().azimuth : arc.start;
+  for (int i = 0; i < frames; ++i) {
+    const double phase = 2 * kPi * i / frames;
+    const double azimuth = closed ? start + phase : start + 0.5 * arc.length * (1 - std::cos(phase));
+    const LocalMean near = MeanNear(around, azimuth, sigma);
+    const double lift = closed ? 0 : near.elevation_spread * std::sin(phase);
+    const double elevation = std::clamp(near.elevation + lift, -kMaxElevation, kMaxElevation);
+    const Vector3d direction(std::cos(elevation) * std::cos(azimuth),
+                             std::cos(elevation) * std::sin(azimuth),
+                             std::sin(elevation));
+    const Vector3d aim = focus + kAimShare * (near.aim - focus);
+    path->world_from_cam.push_back(LookAt(focus + near.distance * (axes * direction), aim, path->capture.up));
+  }
+}
+
+void FitSway(const std::vector<io::Rigid3d>& cameras, int frames, CameraPath* path) {
+  const CaptureGeometry& capture = path->capture;
+  path->kind = PathKind::kSway;
+  Matrix3d spread = Matrix3d::Zero();
+  for (const io::Rigid3d& camera : cameras) {
+    Vector3d offset = camera.translation - capture.centre;
+    offset -= offset.dot(capture.view) * capture.view;
+    spread += offset * offset.transpose() / static_cast<double>(cameras.size());
+  }
+  const auto [variances, axes] = io::EigenDecomposition(spread);
+  const Vector3d wide = kSwaySigmas * std::sqrt(variances[2]) * axes.col(2),
+                 narrow = kSwaySigmas * std::sqrt(std::max(0.0, variances[1])) * axes.col(1);
+  std::vector<double> weights(cameras.size());
+  for (int i = 0; i < frames; ++i) {
+    const double phase = 2 * kPi * i / frames;
+    const Vector3d place = capture.centre + std::cos(phase) * wide + std::sin(phase) * narrow;
+    for (std::size_t k = 0; k < cameras.size(); ++k) {
+      // As wide as the cameras spread: near ones say more about where to look, and no single one decides.
+      const double distance2 = (cameras[k].translation - place).squaredNorm() / variances.sum();
+      weights[k] = std::exp(-0.5 * distance2);
+    }
+    path->world_from_cam.push_back({MeanPose(cameras, weights).rotation, place});
+  }
+}
+
+}  // namespace nerf

@@ -1,0 +1,73 @@
+// The path is drawn away from what stands before the camera and from what was never observed.
+#include "nerf/rendering/free_path.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/look_at.h"
+#include "tests/support/sphere_field.h"
+
+namespace {
+
+using Eigen::Vector3d;
+
+// The sphere, and a board across the line of sight of cameras that stand between x = 0.5 and x = 1.5.
+class BoardField : public tests::SphereField {
+ public:
+  nerf::RenderedView Render(const io::Camera& camera,
+                            const io::Rigid3d& pose,
+                            const nerf::RenderOptions& options) const override {
+    nerf::RenderedView view = SphereField::Render(camera, pose, options);
+    if (std::abs(pose.translation.x() - 1) > 0.5 || pose.translation.z() < 0.5) return view;
+    std::fill(view.depth.begin(), view.depth.end(), 0.1f);
+    std::fill(view.opacity.begin(), view.opacity.end(), 1.f);
+    return view;
+  }
+};
+
+// Cameras side by side at y = -4, z = 0; the path goes past them at height `z`.
+struct Capture {
+  explicit Capture(double z) {
+    train = tests::RingScene(1, 60, 45, [](int) { return ""; });
+    train.frames.clear();
+    for (int i = 0; i <= 20; ++i) train.frames.push_back({"", 0, Facing(0.1 * i, 0), {}});
+    path.kind = nerf::PathKind::kWalk;
+    path.capture = nerf::MeasureCapture(train);
+    for (int i = 0; i < 60; ++i) path.world_from_cam.push_back(Facing(2.0 * i / 59, z));
+  }
+  static io::Rigid3d Facing(double x, double z) { return LookAt({x, -4, z}, {x, 0, z}, Vector3d::UnitZ()); }
+  io::Scene train;
+  nerf::CameraPath path;
+};
+
+TEST(FreePath, StaysWhereNothingIsInTheWay) {
+  Capture capture(0.3);
+  const tests::SphereField field;
+  const std::vector<io::Rigid3d> before = capture.path.world_from_cam;
+  const nerf::SupportMap support(field, capture.train, 1);
+  const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 1, &capture.path);
+  EXPECT_EQ(report.checked, 60);
+  EXPECT_EQ(report.obstructed, 0);
+  for (std::size_t i = 0; i < before.size(); ++i)
+    EXPECT_EQ(capture.path.world_from_cam[i].translation, before[i].translation);
+}
+
+TEST(FreePath, IsDrawnToTheCamerasWhereSomethingStandsBeforeIt) {
+  Capture capture(0.8);
+  const BoardField field;
+  const nerf::SupportMap support(field, capture.train, 1);
+  const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 2, &capture.path);
+  EXPECT_GT(report.obstructed, 20);
+  EXPECT_EQ(report.remaining, 0);
+  const std::vector<io::Rigid3d>& poses = capture.path.world_from_cam;
+  EXPECT_LT(poses[30].translation.z(), 0.5);
+  EXPECT_GT(poses[0].translation.z(), 0.75);
+  double largest_step = 0;
+  for (std::size_t i = 1; i < poses.size(); ++i)
+    largest_step = std::max(largest_step, (poses[i].translation - poses[i - 1].translation).norm());
+  EXPECT_LT(largest_step, 0.15);  // of 0.034 along the path
+}
+
+}  // namespace
