@@ -9,12 +9,12 @@
 #include <optional>
 #include <set>
 
-#include "io/base/error.h"
 #include "io/base/progress.h"
 #include "io/base/stopwatch.h"
 #include "sfm/bundle/camera_model_selection.h"
 #include "sfm/bundle/observation_sigma.h"
-#include "sfm/features/likely_pairs.h"
+#include "sfm/check_options.h"
+#include "sfm/choose_pairs.h"
 #include "sfm/features/stationary_matches.h"
 #include "sfm/mapping/colmap.h"
 #include "sfm/mapping/diagnosis.h"
@@ -25,20 +25,8 @@ namespace sfm {
 namespace {
 
 namespace fs = std::filesystem;
-using io::Error;
-using io::ExitCode;
 using Decide = std::function<void(const std::string&)>;
 
-// Matching a pair takes 14 ms of one core, verifying it 5 ms, but 70 ms where most matches are wrong: up to
-// here all pairs cost seconds. 60 photos took 125 s with all pairs, 75 photos 75 s with the likely ones.
-constexpr int kMaxExhaustivePictures = 30;
-// Partners kept per picture beyond that.
-constexpr int kPartners = 20;
-// Neighbours in the order of names are matched in any case: people walk.
-constexpr int kPhotoOverlap = 2;
-// Chosen video frames move on steadily; loops are found among the likely partners.
-constexpr int kVideoOverlap = 8;
-constexpr int kVideoPartners = 8;
 constexpr int kRetryFeatures = 8192;
 // Further attempts are made while fewer pictures than this are registered.
 constexpr double kGoodRegisteredShare = 0.9;
@@ -48,24 +36,6 @@ constexpr double kMinRegisteredShare = 0.6;
 constexpr int kOrderOverlap = 3;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
-
-void CheckChoice(const std::string& flag, const std::string& value, const std::set<std::string>& choices) {
-  if (choices.count(value) > 0) return;
-  throw Error(ExitCode::kUsage,
-              fmt::format("{}: '{}' is unknown", flag, value),
-              fmt::format("Use one of: {}", fmt::join(choices, ", ")));
-}
-
-void CheckOptions(const ReconstructionOptions& options) {
-  CheckChoice("--camera-model",
-              options.camera_model,
-              {"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"});
-  CheckChoice("--matching", options.matching, {"auto", "exhaustive", "likely", "sequential"});
-  CheckChoice("--detector", options.detector, {"opencv", "colmap"});
-  if (options.features < 100 || options.features > 16384) {
-    throw Error(ExitCode::kUsage, fmt::format("--features: {} is not in 100..16384", options.features));
-  }
-}
 
 // The work on one capture: what is known so far, and the attempts made with it.
 class Session {
@@ -110,25 +80,9 @@ class Session {
   }
 
   ImagePairs ChoosePairs() {
-    const bool video =
-        std::all_of(pictures_.begin(), pictures_.end(), [](const Picture& p) { return p.is_video_frame; });
-    std::string way = options_.matching;
-    if (way == "auto") way = n() <= kMaxExhaustivePictures ? "exhaustive" : video ? "sequential" : "likely";
-    const int all = n() * (n() - 1) / 2;
-    if (way == "exhaustive") {
-      decide_(fmt::format("matching all {} pairs of {} pictures", all, n()));
-      return AllPairs(n());
-    }
-    const bool sequential = way == "sequential";
     const io::Stopwatch stopwatch;
-    ImagePairs pairs =
-        LikelyPairs(views_->features, sequential ? kVideoPartners : kPartners, options_.threads);
-    pairs.merge(SequentialPairs(n(), sequential ? kVideoOverlap : kPhotoOverlap));
+    ImagePairs pairs = sfm::ChoosePairs(pictures_, views_->features, options_, decide_);
     result_.times.matching_s += stopwatch.seconds();
-    decide_(fmt::format("matching {} of {} pairs: {} by a quick comparison of the largest features",
-                        pairs.size(),
-                        all,
-                        sequential ? "following frames, and loops found" : "the most alike"));
     return pairs;
   }
 
@@ -207,6 +161,7 @@ class Session {
       if (registered.count(picture.name) > 0) continue;
       result_.unregistered.push_back({picture.name, ExplainMissingPicture(picture.name, best_->evidence)});
     }
+    DescribeFlatness();
     const PairAgreement agreement = Agreement();
     if (agreement.Contradicts()) {
       throw NotReconstructible({RefusalCause::kContradictedPoses, agreement.Figures()});
@@ -270,6 +225,19 @@ class Session {
 
   void RefuseUnusable() const {
     if (const auto refusal = JudgeModel(result_.model, best_->evidence)) throw NotReconstructible(*refusal);
+  }
+
+  // Seen straight down, a flat ground looks the same from higher up through a longer lens.
+  void DescribeFlatness() const {
+    if (!IsFlat(result_.model.scene, best_->evidence.pairs)) return;
+    const auto& groups = best_->views->groups;
+    const auto unknown =
+        std::count_if(groups.begin(), groups.end(), [](const CameraGroup& g) { return g.focal_px <= 0; });
+    decide_(unknown == 0
+                ? "one flat surface explains the picture pairs; the known focal length fixes the heights"
+                : "one flat surface explains the picture pairs and the focal length is unknown: where all "
+                  "pictures look straight at it, distances and heights off the surface scale with the focal "
+                  "length assumed. Give photos with their EXIF data");
   }
 
   void Adjust() {

@@ -41,8 +41,7 @@ std::pair<int, std::vector<double>> CameraParameters(const CameraGroup& group, c
                                                        {"RADIAL", {3, 1, 2}},
                                                        {"OPENCV", {4, 2, 4}}};
   const Model& entry = kModels.at(model);
-  const double focal =
-      group.focal_px > 0 ? group.focal_px : kFocalGuess * std::max(group.width, group.height);
+  const double focal = FocalOrGuess(group);
   std::vector<double> parameters(static_cast<std::size_t>(entry.focals), focal);
   parameters.push_back(group.width / 2.0);
   parameters.push_back(group.height / 2.0);
@@ -127,6 +126,10 @@ std::vector<Keypoint> Keypoints(const SqliteConnection& database, sqlite3_stmt* 
 }
 
 }  // namespace
+
+double FocalOrGuess(const CameraGroup& group) {
+  return group.focal_px > 0 ? group.focal_px : kFocalGuess * std::max(group.width, group.height);
+}
 
 void WritePictures(const std::filesystem::path& path,
                    const std::vector<CameraGroup>& groups,
@@ -233,7 +236,7 @@ std::vector<VerifiedPair> ReadVerifiedPairs(const std::filesystem::path& path) {
         std::memcpy(indices.data(), sqlite3_column_blob(row, 3), indices.size() * sizeof indices[0]);
         const bool flat = config >= kConfigPlanar && config <= kConfigPlanarOrPanoramic;
         pairs.push_back(
-            {a->second, b->second, inliers, flat ? PairGeometry::kPlanarOrRotation : PairGeometry::kGeneral});
+            {a->second, b->second, inliers, flat ? PairGeometry::kHomography : PairGeometry::kGeneral});
         for (const auto& [in_a, in_b] : indices) {
           pairs.back().matches.push_back({static_cast<int>(in_a), static_cast<int>(in_b)});
         }

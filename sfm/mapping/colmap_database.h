@@ -21,8 +21,12 @@ struct CameraGroup {
   double focal_px = 0;  // 0: unknown, 1.2 times the longer side is the start value (COLMAP's guess)
 };
 
-// COLMAP's class of a verified pair, as far as it matters here.
-enum class PairGeometry { kGeneral, kPlanarOrRotation };
+// The focal length, or the guess in its place.
+double FocalOrGuess(const CameraGroup& group);
+
+// COLMAP's class of a verified pair, as far as it matters here. It leaves open whether a pair that a
+// homography explains is a plane or a rotation; DistinguishFlatPairs decides that.
+enum class PairGeometry { kGeneral, kHomography, kPlane, kRotation };
 
 struct VerifiedPair {
   std::string name_a, name_b;

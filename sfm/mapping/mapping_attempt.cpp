@@ -9,6 +9,7 @@
 #include "io/base/error.h"
 #include "io/base/median.h"
 #include "io/base/stopwatch.h"
+#include "sfm/mapping/flat_pairs.h"
 
 namespace sfm {
 namespace {
@@ -115,6 +116,7 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
   attempt.evidence = {Summaries(attempt.views->names, attempt.views->features),
                       ReadVerifiedPairs(colmap.database())};
   CheckMatches(attempt.evidence);
+  DistinguishFlatPairs(*attempt.views, &attempt.evidence.pairs);
 
   const io::Stopwatch mapping;
   std::map<std::string, const Picture*> by_name;

@@ -153,11 +153,11 @@ TEST(ColmapDatabase, GeometriesAreCopiedAndRead) {
   EXPECT_EQ(pairs[0].geometry, sfm::PairGeometry::kGeneral);
   EXPECT_EQ(pairs[1].name_a, "b.png");
   EXPECT_EQ(pairs[1].name_b, "c.png");
-  EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kPlanarOrRotation);
+  EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kHomography);
   // Uncalibrated, planar, planar or panoramic, several rigid motions.
   for (const auto& [config, flat] : {std::pair{3, false}, {4, true}, {6, true}, {7, false}}) {
     Query(to, "UPDATE two_view_geometries SET config = " + std::to_string(config) + " WHERE config > 1");
-    EXPECT_EQ(sfm::ReadVerifiedPairs(to)[0].geometry == sfm::PairGeometry::kPlanarOrRotation, flat) << config;
+    EXPECT_EQ(sfm::ReadVerifiedPairs(to)[0].geometry == sfm::PairGeometry::kHomography, flat) << config;
   }
   Query(to, "INSERT INTO two_view_geometries VALUES(9, 1, 2, zeroblob(8), 2)");
   EXPECT_THROW(sfm::ReadVerifiedPairs(to), io::Error);  // no such pictures
