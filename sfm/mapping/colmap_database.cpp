@@ -183,6 +183,26 @@ void CopyGeometries(const std::filesystem::path& from, const std::filesystem::pa
   database.Execute("DETACH shard");
 }
 
+void CopyPairsWithout(const std::filesystem::path& from,
+                      const std::filesystem::path& to,
+                      const std::vector<std::string>& names) {
+  const SqliteConnection database(to);
+  std::string ids;
+  database.ForEachRow("SELECT image_id, name FROM images", [&](sqlite3_stmt* row) {
+    if (std::find(names.begin(), names.end(), Text(row, 1)) == names.end()) return;
+    ids += (ids.empty() ? "" : ",") + std::to_string(sqlite3_column_int64(row, 0));
+  });
+  const std::string n = std::to_string(kMaxImages);
+  const std::string kept =
+      " WHERE pair_id / " + n + " NOT IN (" + ids + ") AND pair_id % " + n + " NOT IN (" + ids + ")";
+  database.Execute("ATTACH ? AS other",
+                   [&](sqlite3_stmt* s) { sqlite3_bind_text(s, 1, from.c_str(), -1, SQLITE_TRANSIENT); });
+  for (const std::string table : {"matches", "two_view_geometries"}) {
+    database.Execute("INSERT INTO " + table + " SELECT * FROM other." + table + kept);
+  }
+  database.Execute("DETACH other");
+}
+
 std::vector<Features> ReadFeatures(const std::filesystem::path& path, const std::vector<std::string>& names) {
   const SqliteConnection database(path);
   std::map<std::string, Features> by_name;

@@ -53,6 +53,12 @@ void WriteMatches(const std::filesystem::path& database,
 // Appends the verified geometries of one database to another one with the same pictures.
 void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to);
 
+// Appends what a database of the same pictures holds about pairs that touch none of `names`: those pictures
+// may have other keypoints there.
+void CopyPairsWithout(const std::filesystem::path& from,
+                      const std::filesystem::path& to,
+                      const std::vector<std::string>& names);
+
 // Keypoints and descriptors that COLMAP extracted; one entry per name, empty for a picture without features.
 // Throws kMissingTool naming a picture that the database lacks.
 std::vector<Features> ReadFeatures(const std::filesystem::path& database,

@@ -165,6 +165,27 @@ TEST(ColmapDatabase, GeometriesAreCopiedAndRead) {
   EXPECT_THROW(sfm::ReadVerifiedPairs(from), io::Error);  // 2 inliers stored
 }
 
+TEST(ColmapDatabase, PairsOfUnchangedPicturesAreTakenOver) {
+  TempDir folder;
+  const auto from = folder / "from.db", to = folder / "to.db";
+  const std::vector<std::string> names = {"a.png", "b.png", "c.png"};
+  for (const auto& path : {from, to}) {
+    CreateDatabase(path, false);
+    sfm::WritePictures(
+        path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, std::vector<sfm::Features>(3));
+    sfm::WriteMatches(path, names, {{path == from ? 0 : 1, 2, {{1, 1}}}});
+  }
+  sfm::WriteMatches(from, names, {{0, 1, {{4, 5}}}});
+  Query(from,
+        "INSERT INTO two_view_geometries VALUES(2147483649, 1, 2, zeroblob(8), 2), "
+        "(2147483650, 1, 2, zeroblob(8), 2), (4294967297, 1, 2, zeroblob(8), 2)");
+  sfm::CopyPairsWithout(from, to, {"c.png"});
+  const auto pairs = sfm::ReadVerifiedPairs(to);
+  ASSERT_EQ(pairs.size(), 1u);
+  EXPECT_EQ(pairs[0].name_a + pairs[0].name_b, "a.pngb.png");
+  EXPECT_EQ(Query(to, "SELECT pair_id FROM matches"), "2147483649;4294967297;");
+}
+
 TEST(ColmapDatabase, WhatIsNoDatabaseIsRefused) {
   TempDir folder;
   EXPECT_THROW(sfm::ReadVerifiedPairs(folder / "missing.db"), io::Error);
