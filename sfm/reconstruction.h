@@ -44,6 +44,9 @@ struct Reconstruction {
   std::filesystem::path database, log;  // of the mapping attempt that was used, below the work folder
   std::vector<Unregistered> unregistered;
   double triangulation_angle_deg = 0;  // median over the points
+  // The camera stood before a background while the subject turned; the background is not part of the model.
+  bool turntable = false;
+  double stationary_share = 0;  // of the matches, which were removed because they stand still
   ReconstructionTimes times;
   double colmap_cpu_s = 0;         // all mapping attempts
   std::size_t peak_rss_bytes = 0;  // of COLMAP

@@ -70,6 +70,8 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
   stage->Set("mean_track_length", model.mean_track_length);
   stage->Set("triangulation_angle_deg", result.triangulation_angle_deg);
   stage->Set("camera_model", model.camera_model);
+  stage->SetJson("turntable", result.turntable);
+  stage->Set("stationary_share", result.stationary_share);
   Json cameras = Json::array();
   for (const io::Camera& c : model.scene.cameras) {
     cameras.push_back({{"w", c.width},

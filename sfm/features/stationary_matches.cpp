@@ -12,6 +12,7 @@ constexpr float kMovingPx = 12;
 constexpr int kMinMatches = 15;  // as many as COLMAP needs to verify a pair
 constexpr double kMinStationaryShare = 0.2;
 constexpr double kMinSplitShare = 0.5;
+constexpr int kCells = 8;  // along each side of the grid of StationaryShare::covered
 
 float Displacement(const std::vector<Features>& features,
                    const PairMatches& pair,
@@ -21,6 +22,32 @@ float Displacement(const std::vector<Features>& features,
   const Keypoint& b =
       features[static_cast<std::size_t>(pair.b)].keypoints[static_cast<std::size_t>(match[1])];
   return std::hypot(a.x - b.x, a.y - b.y);
+}
+
+// Share of the cells of a grid over all keypoints of the capture in which a match stands still.
+double CoveredShare(const std::vector<Features>& features, const std::vector<PairMatches>& matches) {
+  float width = 1, height = 1;
+  for (const Features& picture : features) {
+    for (const Keypoint& keypoint : picture.keypoints) {
+      width = std::max(width, keypoint.x);
+      height = std::max(height, keypoint.y);
+    }
+  }
+  std::array<int, kCells * kCells> counts{};
+  const auto cell = [](float x, float size) {
+    return std::clamp(static_cast<int>(x / size * kCells), 0, kCells - 1);
+  };
+  for (const PairMatches& pair : matches) {
+    for (const auto& match : pair.matches) {
+      if (Displacement(features, pair, match) > kStationaryPx) continue;
+      const Keypoint& at =
+          features[static_cast<std::size_t>(pair.a)].keypoints[static_cast<std::size_t>(match[0])];
+      ++counts[static_cast<std::size_t>(cell(at.y, height) * kCells + cell(at.x, width))];
+    }
+  }
+  const auto covered =
+      std::count_if(counts.begin(), counts.end(), [](int count) { return count >= kMinMatches; });
+  return static_cast<double>(covered) / static_cast<double>(counts.size());
 }
 
 }  // namespace
@@ -41,12 +68,22 @@ StationaryShare RemoveStationaryMatches(const std::vector<Features>& features,
                          stationary >= kMinStationaryShare * static_cast<double>(pair.matches.size());
   }
   if (share.split_pairs == 0 || share.split_pairs < kMinSplitShare * share.pairs) return share;
+  share.covered = CoveredShare(features, *matches);
+  std::size_t all = 0;
+  for (const PairMatches& pair : *matches) all += pair.matches.size();
+  share.removed = DropStationaryMatches(features, matches);
+  share.share = static_cast<double>(share.removed) / static_cast<double>(all);
+  return share;
+}
+
+std::size_t DropStationaryMatches(const std::vector<Features>& features, std::vector<PairMatches>* matches) {
+  std::size_t removed = 0;
   for (PairMatches& pair : *matches) {
-    share.removed += std::erase_if(pair.matches, [&](const std::array<int, 2>& match) {
+    removed += std::erase_if(pair.matches, [&](const std::array<int, 2>& match) {
       return Displacement(features, pair, match) <= kStationaryPx;
     });
   }
-  return share;
+  return removed;
 }
 
 }  // namespace sfm

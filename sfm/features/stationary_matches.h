@@ -13,6 +13,12 @@ struct StationaryShare {
   int pairs = 0;            // in which at least 15 matches move
   int split_pairs = 0;      // in which, beside them, at least 15 matches and a fifth of all stand still
   std::size_t removed = 0;  // matches
+  double share = 0;         // of all matches that were removed
+  // Where the removed ones lie: cells of a grid of 8 x 8 over the features of all pictures, over all 64.
+  double covered = 0;
+
+  // A background stands behind most of the picture; a watermark or a finger covers a corner of it.
+  bool IsBackground() const { return removed > 0 && covered >= 0.25; }
 };
 
 // A camera that moves leaves nothing in its place, so in a static world hardly any pair is split. Where at
@@ -20,5 +26,8 @@ struct StationaryShare {
 // (COLMAP's filter_stationary_matches); otherwise nothing is.
 StationaryShare RemoveStationaryMatches(const std::vector<Features>& features,
                                         std::vector<PairMatches>* matches);
+
+// Removes every match that stays within 4 px; their number.
+std::size_t DropStationaryMatches(const std::vector<Features>& features, std::vector<PairMatches>* matches);
 
 }  // namespace sfm

@@ -263,27 +263,32 @@ void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMat
   }
 }
 
-std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures, bool relaxed) {
-  const fs::path sparse = work_folder_ / "sparse";
-  fs::remove_all(sparse);
-  fs::create_directories(sparse);
-  LogProgress progress(log_path_, "sfm: mapping", "Registering image #", 2, n_pictures);
+Colmap::Step Colmap::MapperStep(const fs::path& images_folder, const fs::path& output, int n_pictures) const {
+  fs::remove_all(output);
+  fs::create_directories(output);
   Step step{.command = "mapper",
             .arguments = {"--database_path",
                           database_.string(),
                           "--image_path",  // must exist, even where no colours are read
                           (images_folder.empty() ? work_folder_ : images_folder).string(),
                           "--output_path",
-                          sparse.string(),
+                          output.string(),
                           "--Mapper.extract_colors",
                           images_folder.empty() ? "0" : "1",
                           flags_.mapper_threads,
                           "1"},
             .log = log_path_,
             .limit_s = kMappingLimitS + kMappingLimitPerPictureS * n_pictures,
-            .may_find_nothing = true,
-            .on_tick = [&] { progress.Tick(); }};
+            .may_find_nothing = true};
   step.arguments.insert(step.arguments.end(), flags_.mapper_options.begin(), flags_.mapper_options.end());
+  return step;
+}
+
+std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures, bool relaxed) {
+  const fs::path sparse = work_folder_ / "sparse";
+  LogProgress progress(log_path_, "sfm: mapping", "Registering image #", 2, n_pictures);
+  Step step = MapperStep(images_folder, sparse, n_pictures);
+  step.on_tick = [&] { progress.Tick(); };
   if (relaxed) {
     // Half of COLMAP's defaults of 100 inliers, 16 degrees and 30 inliers.
     step.arguments.insert(step.arguments.end(),
@@ -302,6 +307,19 @@ std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures,
   }
   std::sort(models.begin(), models.end());
   return models;
+}
+
+std::optional<fs::path> Colmap::Continue(const fs::path& images_folder,
+                                         const fs::path& model,
+                                         int n_pictures) {
+  const fs::path output = work_folder_ / "continued";
+  Step step = MapperStep(images_folder, output, n_pictures);
+  // Otherwise a picture that does not fit is tried 200 times over, and then as the start of other models.
+  step.arguments.insert(
+      step.arguments.end(),
+      {"--input_path", model.string(), "--Mapper.multiple_models", "0", "--Mapper.init_num_trials", "1"});
+  if (!Run(step) || !io::IsColmapModel(output)) return std::nullopt;
+  return output;
 }
 
 std::optional<fs::path> Colmap::Merge(const fs::path& a, const fs::path& b) {

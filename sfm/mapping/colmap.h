@@ -47,6 +47,12 @@ class Colmap {
                                          int n_pictures,
                                          bool relaxed = false);
 
+  // Adds pictures to a model of pictures of database(), whose keypoints must be those of the model; the
+  // folder of the result, nothing when COLMAP could not go on.
+  std::optional<std::filesystem::path> Continue(const std::filesystem::path& images_folder,
+                                                const std::filesystem::path& model,
+                                                int n_pictures);
+
   // One model of the pictures of both, which share some; nothing when COLMAP could not align them.
   std::optional<std::filesystem::path> Merge(const std::filesystem::path& a, const std::filesystem::path& b);
 
@@ -57,6 +63,9 @@ class Colmap {
  private:
   struct Step;
   bool Run(const Step& step);
+  Step MapperStep(const std::filesystem::path& images_folder,
+                  const std::filesystem::path& output,
+                  int n_pictures) const;
   void CreateDatabase(const std::filesystem::path& path);
   void VerifyShard(const CapturedViews& views, const std::vector<PairMatches>& shard, std::size_t index);
 

@@ -41,8 +41,7 @@ std::pair<int, std::vector<double>> CameraParameters(const CameraGroup& group, c
                                                        {"RADIAL", {3, 1, 2}},
                                                        {"OPENCV", {4, 2, 4}}};
   const Model& entry = kModels.at(model);
-  const double focal =
-      group.focal_px > 0 ? group.focal_px : kFocalGuess * std::max(group.width, group.height);
+  const double focal = FocalOrGuess(group);
   std::vector<double> parameters(static_cast<std::size_t>(entry.focals), focal);
   parameters.push_back(group.width / 2.0);
   parameters.push_back(group.height / 2.0);
@@ -128,6 +127,10 @@ std::vector<Keypoint> Keypoints(const SqliteConnection& database, sqlite3_stmt* 
 
 }  // namespace
 
+double FocalOrGuess(const CameraGroup& group) {
+  return group.focal_px > 0 ? group.focal_px : kFocalGuess * std::max(group.width, group.height);
+}
+
 void WritePictures(const std::filesystem::path& path,
                    const std::vector<CameraGroup>& groups,
                    const std::string& camera_model,
@@ -178,6 +181,26 @@ void CopyGeometries(const std::filesystem::path& from, const std::filesystem::pa
                    [&](sqlite3_stmt* s) { sqlite3_bind_text(s, 1, from.c_str(), -1, SQLITE_TRANSIENT); });
   database.Execute("INSERT INTO two_view_geometries SELECT * FROM shard.two_view_geometries");
   database.Execute("DETACH shard");
+}
+
+void CopyPairsWithout(const std::filesystem::path& from,
+                      const std::filesystem::path& to,
+                      const std::vector<std::string>& names) {
+  const SqliteConnection database(to);
+  std::string ids;
+  database.ForEachRow("SELECT image_id, name FROM images", [&](sqlite3_stmt* row) {
+    if (std::find(names.begin(), names.end(), Text(row, 1)) == names.end()) return;
+    ids += (ids.empty() ? "" : ",") + std::to_string(sqlite3_column_int64(row, 0));
+  });
+  const std::string n = std::to_string(kMaxImages);
+  const std::string kept =
+      " WHERE pair_id / " + n + " NOT IN (" + ids + ") AND pair_id % " + n + " NOT IN (" + ids + ")";
+  database.Execute("ATTACH ? AS other",
+                   [&](sqlite3_stmt* s) { sqlite3_bind_text(s, 1, from.c_str(), -1, SQLITE_TRANSIENT); });
+  for (const std::string table : {"matches", "two_view_geometries"}) {
+    database.Execute("INSERT INTO " + table + " SELECT * FROM other." + table + kept);
+  }
+  database.Execute("DETACH other");
 }
 
 std::vector<Features> ReadFeatures(const std::filesystem::path& path, const std::vector<std::string>& names) {
@@ -233,7 +256,7 @@ std::vector<VerifiedPair> ReadVerifiedPairs(const std::filesystem::path& path) {
         std::memcpy(indices.data(), sqlite3_column_blob(row, 3), indices.size() * sizeof indices[0]);
         const bool flat = config >= kConfigPlanar && config <= kConfigPlanarOrPanoramic;
         pairs.push_back(
-            {a->second, b->second, inliers, flat ? PairGeometry::kPlanarOrRotation : PairGeometry::kGeneral});
+            {a->second, b->second, inliers, flat ? PairGeometry::kHomography : PairGeometry::kGeneral});
         for (const auto& [in_a, in_b] : indices) {
           pairs.back().matches.push_back({static_cast<int>(in_a), static_cast<int>(in_b)});
         }

@@ -21,8 +21,12 @@ struct CameraGroup {
   double focal_px = 0;  // 0: unknown, 1.2 times the longer side is the start value (COLMAP's guess)
 };
 
-// COLMAP's class of a verified pair, as far as it matters here.
-enum class PairGeometry { kGeneral, kPlanarOrRotation };
+// The focal length, or the guess in its place.
+double FocalOrGuess(const CameraGroup& group);
+
+// COLMAP's class of a verified pair, as far as it matters here. It leaves open whether a pair that a
+// homography explains is a plane or a rotation; DistinguishFlatPairs decides that.
+enum class PairGeometry { kGeneral, kHomography, kPlane, kRotation };
 
 struct VerifiedPair {
   std::string name_a, name_b;
@@ -48,6 +52,12 @@ void WriteMatches(const std::filesystem::path& database,
 
 // Appends the verified geometries of one database to another one with the same pictures.
 void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to);
+
+// Appends what a database of the same pictures holds about pairs that touch none of `names`: those pictures
+// may have other keypoints there.
+void CopyPairsWithout(const std::filesystem::path& from,
+                      const std::filesystem::path& to,
+                      const std::vector<std::string>& names);
 
 // Keypoints and descriptors that COLMAP extracted; one entry per name, empty for a picture without features.
 // Throws kMissingTool naming a picture that the database lacks.

@@ -24,9 +24,11 @@ constexpr double kBlurredScalePx = 4.0;
 // COLMAP triangulates from 1.5 degrees. Where half of all points stay this close to that limit, depth is
 // noise.
 constexpr double kMinMedianAngleDeg = 2.0;
-// Measured: 1.00 for a camera that turns, 0.65 for a walk around a nearly flat subject, below 0.1 for solid
-// ones.
-constexpr double kMaxHomographyShare = 0.95;
+// Measured: 1.00 for a camera that turns.
+constexpr double kMaxRotationShare = 0.95;
+// Where homographies explain pairs 5 degrees wide to 4 px, points are within a few percent of the distance of
+// a plane, and spread a third of it or more along it: 0.1 and less. Those of a folded model fill a volume.
+constexpr double kMaxPlaneRatio = 0.25;
 // Well above the noise of angles in a folded model, and reached by every capture that surrounds its subject.
 constexpr double kWideAngleDeg = 5.0;
 // Half a pixel of noise spreads a line of points by less than 1/100 of its length in a picture that it
@@ -76,10 +78,69 @@ std::vector<Eigen::Vector3d> Rays(const io::Scene& scene, const io::Point3D& poi
   return rays;
 }
 
+// Pairs that see their common points at more than kWideAngleDeg (median) in this model.
+std::vector<VerifiedPair> WidePairs(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  std::map<std::pair<int, int>, std::vector<double>> angles;
+  for (const io::Point3D& point : scene.points) {
+    const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      for (std::size_t j = 0; j < rays.size(); ++j) {
+        const int a = point.frame_indices[i], b = point.frame_indices[j];
+        if (a < b) angles[{a, b}].push_back(AngleDeg(rays[i], rays[j]));
+      }
+    }
+  }
+  std::map<std::string, int> frame_index;
+  for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+    frame_index[scene.frames[i].image_path.string()] = static_cast<int>(i);
+  }
+  std::vector<VerifiedPair> wide;
+  for (const VerifiedPair& pair : pairs) {
+    const auto a = frame_index.find(pair.name_a), b = frame_index.find(pair.name_b);
+    if (a == frame_index.end() || b == frame_index.end()) continue;
+    const auto seen = angles.find(std::minmax(a->second, b->second));
+    if (seen != angles.end() && io::Median(seen->second) > kWideAngleDeg) wide.push_back(pair);
+  }
+  return wide;
+}
+
+// Of the well supported pairs; 0 without any.
+template <typename IsCounted>
+double SupportedShare(const std::vector<VerifiedPair>& pairs, const IsCounted& is_counted) {
+  int supported = 0, counted = 0;
+  for (const VerifiedPair& pair : pairs) {
+    if (pair.inliers < kFewInliers) continue;
+    ++supported;
+    counted += is_counted(pair.geometry);
+  }
+  return supported == 0 ? 0.0 : static_cast<double>(counted) / supported;
+}
+
+// Root mean squares, ascending, of the half of the points nearest to their median, along the axes of its
+// scatter.
+Eigen::Vector3d Spreads(const io::Scene& scene) {
+  Eigen::Vector3d median;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const io::Point3D& point : scene.points) values.push_back(point.xyz[axis]);
+    median[axis] = io::Median(std::move(values));
+  }
+  std::vector<Eigen::Vector3d> offsets;
+  for (const io::Point3D& point : scene.points) offsets.push_back(point.xyz - median);
+  std::sort(offsets.begin(), offsets.end(), [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    return a.squaredNorm() < b.squaredNorm();
+  });
+  offsets.resize((offsets.size() + 1) / 2);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& offset : offsets) scatter += offset * offset.transpose();
+  const Eigen::Vector3d squares = io::EigenDecomposition(scatter).values;
+  return (squares / static_cast<double>(offsets.size())).cwiseMax(0).cwiseSqrt();
+}
+
 Refusal RotationOnly(double share) {
   return {RefusalCause::kRotationOnly,
-          fmt::format("in {:.0f} % of the picture pairs a pure rotation (or one flat surface) explains "
-                      "everything, so depth cannot be measured",
+          fmt::format("in {:.0f} % of the picture pairs a pure rotation explains everything, so depth cannot "
+                      "be measured",
                       100 * share)};
 }
 
@@ -109,66 +170,49 @@ double MedianTriangulationAngleDeg(const io::Scene& scene) {
   return io::Median(angles);
 }
 
-double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
-  std::map<std::pair<int, int>, std::vector<double>> angles;
-  for (const io::Point3D& point : scene.points) {
-    const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      for (std::size_t j = 0; j < rays.size(); ++j) {
-        const int a = point.frame_indices[i], b = point.frame_indices[j];
-        if (a < b) angles[{a, b}].push_back(AngleDeg(rays[i], rays[j]));
-      }
-    }
-  }
-  std::map<std::string, int> frame_index;
-  for (std::size_t i = 0; i < scene.frames.size(); ++i) {
-    frame_index[scene.frames[i].image_path.string()] = static_cast<int>(i);
-  }
-  std::vector<VerifiedPair> wide;
-  for (const VerifiedPair& pair : pairs) {
-    const auto a = frame_index.find(pair.name_a), b = frame_index.find(pair.name_b);
-    if (a == frame_index.end() || b == frame_index.end()) continue;
-    const auto seen = angles.find(std::minmax(a->second, b->second));
-    if (seen != angles.end() && io::Median(seen->second) > kWideAngleDeg) wide.push_back(pair);
-  }
-  return HomographyShare(wide);
+double RotationShare(const std::vector<VerifiedPair>& pairs) {
+  return SupportedShare(pairs, [](PairGeometry geometry) { return geometry == PairGeometry::kRotation; });
 }
 
-double HomographyShare(const std::vector<VerifiedPair>& pairs) {
-  int supported = 0, explained = 0;
-  for (const VerifiedPair& pair : pairs) {
-    if (pair.inliers < kFewInliers) continue;
-    ++supported;
-    explained += pair.geometry == PairGeometry::kPlanarOrRotation;
-  }
-  return supported == 0 ? 0.0 : static_cast<double>(explained) / supported;
+double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  return RotationShare(WidePairs(scene, pairs));
+}
+
+double FlatShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  return SupportedShare(WidePairs(scene, pairs),
+                        [](PairGeometry geometry) { return geometry != PairGeometry::kGeneral; });
+}
+
+bool IsFlat(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  return FlatShare(scene, pairs) > kMaxRotationShare;
+}
+
+double PlaneRatio(const io::Scene& scene) {
+  if (scene.points.empty()) return 1;
+  const Eigen::Vector3d spreads = Spreads(scene);
+  return spreads[1] > 0 ? spreads[0] / spreads[1] : 0;
 }
 
 double LineRatio(const io::Scene& scene) {
   if (scene.points.empty()) return 1;
-  Eigen::Vector3d median;
-  for (int axis = 0; axis < 3; ++axis) {
-    std::vector<double> values;
-    for (const io::Point3D& point : scene.points) values.push_back(point.xyz[axis]);
-    median[axis] = io::Median(std::move(values));
-  }
-  std::vector<Eigen::Vector3d> offsets;
-  for (const io::Point3D& point : scene.points) offsets.push_back(point.xyz - median);
-  std::sort(offsets.begin(), offsets.end(), [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-    return a.squaredNorm() < b.squaredNorm();
-  });
-  offsets.resize((offsets.size() + 1) / 2);
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& offset : offsets) scatter += offset * offset.transpose();
-  const Eigen::Vector3d eigenvalues = io::EigenDecomposition(scatter).values;
-  return eigenvalues[2] > 0 ? std::sqrt(std::max(0.0, eigenvalues[1]) / eigenvalues[2]) : 0;
+  const Eigen::Vector3d spreads = Spreads(scene);
+  return spreads[2] > 0 ? spreads[1] / spreads[2] : 0;
 }
 
 std::optional<Refusal> JudgeModel(const io::ColmapModel& model, const CaptureEvidence& evidence) {
   const int registered = static_cast<int>(model.scene.frames.size());
   if (registered < kMinPictures || model.scene.points.empty()) return ExplainFailure(evidence, registered);
   const double share = FoldedShare(model.scene, evidence.pairs);
-  if (share > kMaxHomographyShare) return RotationOnly(share);
+  if (share > kMaxRotationShare) return RotationOnly(share);
+  // A rotation that passed for a plane, be it for distortion, comes out as anything but a plane.
+  if (IsFlat(model.scene, evidence.pairs) && PlaneRatio(model.scene) > kMaxPlaneRatio) {
+    return Refusal{
+        RefusalCause::kRotationOnly,
+        fmt::format("a homography explains {:.0f} % of the picture pairs, but the points do not lie "
+                    "near a plane (spread off it {:.2f} of that along it): the camera only turned",
+                    100 * FlatShare(model.scene, evidence.pairs),
+                    PlaneRatio(model.scene))};
+  }
   const double angle = MedianTriangulationAngleDeg(model.scene);
   if (angle < kMinMedianAngleDeg) {
     return Refusal{
@@ -220,8 +264,8 @@ Refusal ExplainFailure(const CaptureEvidence& evidence, int registered) {
                         kFewFeatures,
                         io::Median(counts))};
   }
-  const double share = HomographyShare(evidence.pairs);
-  if (share > kMaxHomographyShare) return RotationOnly(share);
+  const double share = RotationShare(evidence.pairs);
+  if (share > kMaxRotationShare) return RotationOnly(share);
   const int linked = LargestLinkedGroup(evidence);
   if (linked > kMaxUnexplainedShare * n) {
     return {RefusalCause::kMisfit,

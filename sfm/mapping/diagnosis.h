@@ -29,14 +29,26 @@ struct CaptureEvidence {
 // points.
 double MedianTriangulationAngleDeg(const io::Scene& scene);
 
-// Share, in [0, 1], of the well supported pairs that a homography alone explains: near 1 when the camera only
-// turned, or when all there is to see is one plane. 0 without such pairs.
-double HomographyShare(const std::vector<VerifiedPair>& pairs);
+// Share, in [0, 1], of the well supported pairs that a rotation alone explains: near 1 when the camera only
+// turned. 0 without such pairs.
+double RotationShare(const std::vector<VerifiedPair>& pairs);
 
 // The same share among the pairs that, in this model, see their common points at more than 5 degrees
 // (median). A model folded out of a pure rotation claims parallax that none of its pairs shows. 0 without
 // such pairs.
 double FoldedShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs);
+
+// The share of those wide pairs that one homography explains, by a rotation or by a plane: near 1 where all
+// there is to see is flat.
+double FlatShare(const io::Scene& scene, const std::vector<VerifiedPair>& pairs);
+
+// Whether so many of the wide pairs are flat that the pictures determine the focal length and the heights
+// above the surface only together.
+bool IsFlat(const io::Scene& scene, const std::vector<VerifiedPair>& pairs);
+
+// How far the points spread off the plane that fits them best, over how far they spread in its narrower
+// direction, as LineRatio measures it. 0 for a plane, about 1 for a ball. 1 without points.
+double PlaneRatio(const io::Scene& scene);
 
 // How wide the points spread across the line that fits them best, over how far they spread along it: root
 // mean squares over the half of the points nearest to their median. 0 for points on one line, about 1 for a

@@ -9,6 +9,7 @@
 #include "io/base/error.h"
 #include "io/base/median.h"
 #include "io/base/stopwatch.h"
+#include "sfm/mapping/flat_pairs.h"
 
 namespace sfm {
 namespace {
@@ -66,6 +67,27 @@ int CountShared(const io::ColmapModel& a, const io::ColmapModel& b) {
       }));
 }
 
+std::vector<PairMatches> WithEnoughMatches(const std::vector<PairMatches>& matches) {
+  std::vector<PairMatches> enough;
+  for (const PairMatches& pair : matches) {
+    if (pair.matches.size() >= kMinMatches) enough.push_back(pair);
+  }
+  return enough;
+}
+
+std::map<std::string, const Picture*> ByName(const std::vector<Picture>& pictures) {
+  std::map<std::string, const Picture*> by_name;
+  for (const Picture& picture : pictures) by_name[picture.name] = &picture;
+  return by_name;
+}
+
+void ReadEvidence(const Colmap& colmap, MappingAttempt* attempt) {
+  attempt->evidence = {Summaries(attempt->views->names, attempt->views->features),
+                       ReadVerifiedPairs(colmap.database())};
+  CheckMatches(attempt->evidence);
+  DistinguishFlatPairs(*attempt->views, &attempt->evidence.pairs);
+}
+
 }  // namespace
 
 std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures) {
@@ -105,20 +127,13 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
                          .matches = std::move(matches),
                          .database = colmap.database(),
                          .log = folder / "colmap.log"};
-  std::vector<PairMatches> enough;
-  for (const PairMatches& pair : attempt.matches) {
-    if (pair.matches.size() >= kMinMatches) enough.push_back(pair);
-  }
   const io::Stopwatch verifying;
-  colmap.VerifyMatches(*attempt.views, enough);
+  colmap.VerifyMatches(*attempt.views, WithEnoughMatches(attempt.matches));
+  ReadEvidence(colmap, &attempt);
   attempt.verifying_s = verifying.seconds();
-  attempt.evidence = {Summaries(attempt.views->names, attempt.views->features),
-                      ReadVerifiedPairs(colmap.database())};
-  CheckMatches(attempt.evidence);
 
   const io::Stopwatch mapping;
-  std::map<std::string, const Picture*> by_name;
-  for (const Picture& picture : pictures) by_name[picture.name] = &picture;
+  const std::map<std::string, const Picture*> by_name = ByName(pictures);
   std::vector<std::pair<fs::path, io::ColmapModel>> models;
   for (const fs::path& path : colmap.Map(images_folder, static_cast<int>(pictures.size()), relaxed)) {
     models.emplace_back(path, ReadModel(path, by_name));
@@ -140,7 +155,50 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
       models.erase(models.begin() + static_cast<std::ptrdiff_t>(i--));
     }
   }
+  if (!models.empty()) attempt.largest = models.front().first;
   for (auto& [path, model] : models) attempt.models.push_back(std::move(model));
+  attempt.mapping_s = mapping.seconds();
+  attempt.cpu_s = colmap.cpu_s();
+  attempt.peak_rss_bytes = colmap.peak_rss_bytes();
+  return attempt;
+}
+
+MappingAttempt Continue(const MappingAttempt& before,
+                        const std::vector<Picture>& pictures,
+                        std::shared_ptr<const CapturedViews> views,
+                        const std::vector<PairMatches>& matches,
+                        const std::vector<std::string>& changed,
+                        const fs::path& images_folder,
+                        const fs::path& folder,
+                        int threads) {
+  Colmap colmap(folder, threads);
+  MappingAttempt attempt{.views = std::move(views),
+                         .models = before.models,
+                         .largest = before.largest,
+                         .database = colmap.database(),
+                         .log = folder / "colmap.log"};
+  const std::set<std::string> names(changed.begin(), changed.end());
+  for (const PairMatches& pair : before.matches) {
+    const std::string &a = attempt.views->names[static_cast<std::size_t>(pair.a)],
+                      &b = attempt.views->names[static_cast<std::size_t>(pair.b)];
+    if (names.count(a) + names.count(b) == 0) attempt.matches.push_back(pair);
+  }
+  attempt.matches.insert(attempt.matches.end(), matches.begin(), matches.end());
+  const io::Stopwatch verifying;
+  colmap.VerifyMatches(*attempt.views, WithEnoughMatches(matches));
+  CopyPairsWithout(before.database, colmap.database(), changed);
+  ReadEvidence(colmap, &attempt);
+  attempt.verifying_s = verifying.seconds();
+
+  const io::Stopwatch mapping;
+  const auto path = colmap.Continue(images_folder, before.largest, static_cast<int>(pictures.size()));
+  if (path) {
+    io::ColmapModel model = ReadModel(*path, ByName(pictures));
+    if (static_cast<int>(model.scene.frames.size()) > before.Registered()) {
+      attempt.models = {std::move(model)};
+      attempt.largest = *path;
+    }
+  }
   attempt.mapping_s = mapping.seconds();
   attempt.cpu_s = colmap.cpu_s();
   attempt.peak_rss_bytes = colmap.peak_rss_bytes();

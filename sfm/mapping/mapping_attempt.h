@@ -20,6 +20,7 @@ struct MappingAttempt {
   std::vector<PairMatches> matches;
   CaptureEvidence evidence;
   std::vector<io::ColmapModel> models;  // largest first
+  std::filesystem::path largest;        // folder of the first one, as COLMAP wrote it
   std::filesystem::path database, log;
   double verifying_s = 0, mapping_s = 0;  // wall
   double cpu_s = 0;
@@ -42,5 +43,17 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
                        const std::filesystem::path& folder,
                        bool relaxed,
                        int threads);
+
+// Goes on from the largest model of `before`: `views` may have new keypoints for the pictures `changed` only,
+// and `matches` are all the pairs that touch these. The other pairs are taken over as verified. Its models
+// are those of `before` when COLMAP could not add a picture.
+MappingAttempt Continue(const MappingAttempt& before,
+                        const std::vector<Picture>& pictures,
+                        std::shared_ptr<const CapturedViews> views,
+                        const std::vector<PairMatches>& matches,
+                        const std::vector<std::string>& changed,
+                        const std::filesystem::path& images_folder,
+                        const std::filesystem::path& folder,
+                        int threads);
 
 }  // namespace sfm

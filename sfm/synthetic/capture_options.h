@@ -31,6 +31,7 @@ enum class Structure {
   kIdenticalSides,  // an opaque box with the same relief on its four sides
   kTwoFacades,      // the same, but only front and back are alike
   kTiledFloor,      // kPlane of equal tiles
+  kField,           // the plane, filled evenly as far as the cameras go
 };
 
 enum class Outliers {
@@ -48,8 +49,8 @@ enum class MatchGraph {
 struct CaptureOptions {
   Trajectory trajectory = Trajectory::kRing;
   Structure structure = Structure::kBall;
-  double relief =
-      0;  // kPlane, kTiledFloor: largest height of a point above the plane, over the cameras' distance
+  // kPlane, kTiledFloor, kField: largest height of a point above the plane, over the cameras' distance.
+  double relief = 0;
   int pictures = 14, points = 300;
   double baseline = 0.1;  // between following pictures, over the distance; kRing and kSpiral have their own
   double rotation_only_share = 0;  // of following pairs: the later picture is taken from the same spot

@@ -166,6 +166,10 @@ Eigen::Vector3d MakePoint(const CaptureOptions& options, double distance, Random
     case Structure::kPlane:
       x.z() = options.relief * distance * random->Uniform(-1, 1);
       break;
+    case Structure::kField:
+      x = InBox(random, 1);
+      x.z() *= options.relief * distance;
+      break;
     case Structure::kTwoPlanes:
       x.z() = -std::abs(x.x());
       break;

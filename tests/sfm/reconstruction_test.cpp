@@ -206,6 +206,10 @@ TEST_F(GeneratedCapture, OverlaysAreRemovedAndKnownFocalLengthsKept) {
                                           .outlier_share = 0.4});
   EXPECT_EQ(result.model.scene.frames.size(), 8u);
   EXPECT_EQ(Decided("matches that stand still in the picture"), 1);
+  EXPECT_EQ(Decided("background stands still while the subject turns"), 1);
+  EXPECT_EQ(Decided("give masks of the subject"), 1);
+  EXPECT_TRUE(result.turntable);
+  EXPECT_NEAR(result.stationary_share, 0.4, 0.05);
   EXPECT_EQ(Decided("held at 1280 px (known)"), 1);
   EXPECT_EQ(Decided("a focal length per picture"), 0) << "one picture tells it even less";
 }

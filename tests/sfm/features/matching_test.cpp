@@ -114,6 +114,27 @@ TEST(StationaryMatches, ATurntablesBackgroundIsRemoved) {
   }
 }
 
+TEST(StationaryMatches, ABackgroundFillsThePictureAWatermarkOnlyACorner) {
+  for (const bool fills : {true, false}) {
+    auto matches = AllMatches(7);
+    std::vector<sfm::Features> features = Turntable(7, 20);
+    for (sfm::Features& picture : features) {
+      for (int k = 40; k < 80; ++k) {
+        const auto column = static_cast<float>(k % 8), row = static_cast<float>((k - 40) / 8);
+        const float spacing = fills ? 75 : 10;
+        picture.keypoints[k].x = 600 - spacing * column;
+        picture.keypoints[k].y = 600 - spacing * row;
+      }
+    }
+    const sfm::StationaryShare share = sfm::RemoveStationaryMatches(features, &matches);
+    EXPECT_EQ(share.removed, 21u * 40);
+    EXPECT_EQ(share.share, 0.5);
+    EXPECT_EQ(share.IsBackground(), fills) << share.covered;
+  }
+  auto matches = AllMatches(4);
+  EXPECT_FALSE(sfm::RemoveStationaryMatches(Turntable(4, 2), &matches).IsBackground());
+}
+
 TEST(StationaryMatches, ASlowCameraKeepsAllMatches) {
   auto matches = AllMatches(3);
   EXPECT_EQ(sfm::RemoveStationaryMatches(Turntable(3, 2), &matches).removed, 0u);  // 2 and 4 px

@@ -153,16 +153,37 @@ TEST(ColmapDatabase, GeometriesAreCopiedAndRead) {
   EXPECT_EQ(pairs[0].geometry, sfm::PairGeometry::kGeneral);
   EXPECT_EQ(pairs[1].name_a, "b.png");
   EXPECT_EQ(pairs[1].name_b, "c.png");
-  EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kPlanarOrRotation);
+  EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kHomography);
   // Uncalibrated, planar, planar or panoramic, several rigid motions.
   for (const auto& [config, flat] : {std::pair{3, false}, {4, true}, {6, true}, {7, false}}) {
     Query(to, "UPDATE two_view_geometries SET config = " + std::to_string(config) + " WHERE config > 1");
-    EXPECT_EQ(sfm::ReadVerifiedPairs(to)[0].geometry == sfm::PairGeometry::kPlanarOrRotation, flat) << config;
+    EXPECT_EQ(sfm::ReadVerifiedPairs(to)[0].geometry == sfm::PairGeometry::kHomography, flat) << config;
   }
   Query(to, "INSERT INTO two_view_geometries VALUES(9, 1, 2, zeroblob(8), 2)");
   EXPECT_THROW(sfm::ReadVerifiedPairs(to), io::Error);  // no such pictures
   Query(from, "UPDATE two_view_geometries SET rows = 3 WHERE pair_id = 2147483649");
   EXPECT_THROW(sfm::ReadVerifiedPairs(from), io::Error);  // 2 inliers stored
+}
+
+TEST(ColmapDatabase, PairsOfUnchangedPicturesAreTakenOver) {
+  TempDir folder;
+  const auto from = folder / "from.db", to = folder / "to.db";
+  const std::vector<std::string> names = {"a.png", "b.png", "c.png"};
+  for (const auto& path : {from, to}) {
+    CreateDatabase(path, false);
+    sfm::WritePictures(
+        path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, std::vector<sfm::Features>(3));
+    sfm::WriteMatches(path, names, {{path == from ? 0 : 1, 2, {{1, 1}}}});
+  }
+  sfm::WriteMatches(from, names, {{0, 1, {{4, 5}}}});
+  Query(from,
+        "INSERT INTO two_view_geometries VALUES(2147483649, 1, 2, zeroblob(8), 2), "
+        "(2147483650, 1, 2, zeroblob(8), 2), (4294967297, 1, 2, zeroblob(8), 2)");
+  sfm::CopyPairsWithout(from, to, {"c.png"});
+  const auto pairs = sfm::ReadVerifiedPairs(to);
+  ASSERT_EQ(pairs.size(), 1u);
+  EXPECT_EQ(pairs[0].name_a + pairs[0].name_b, "a.pngb.png");
+  EXPECT_EQ(Query(to, "SELECT pair_id FROM matches"), "2147483649;4294967297;");
 }
 
 TEST(ColmapDatabase, WhatIsNoDatabaseIsRefused) {

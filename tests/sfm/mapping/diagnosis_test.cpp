@@ -45,7 +45,7 @@ TEST(Diagnosis, CausesOfFailure) {
   EXPECT_EQ(cause(Evidence(20, 40, 2, 0, PairGeometry::kGeneral)), RefusalCause::kNoTexture);
   EXPECT_EQ(cause(Evidence(20, 0, 0, 0, PairGeometry::kGeneral)), RefusalCause::kNoTexture);
   EXPECT_EQ(cause(Evidence(20, 40, 7, 0, PairGeometry::kGeneral)), RefusalCause::kBlur);
-  EXPECT_EQ(cause(Evidence(20, 2000, 2, 300, PairGeometry::kPlanarOrRotation)), RefusalCause::kRotationOnly);
+  EXPECT_EQ(cause(Evidence(20, 2000, 2, 300, PairGeometry::kRotation)), RefusalCause::kRotationOnly);
   EXPECT_EQ(cause(Evidence(20, 2000, 2, 16, PairGeometry::kGeneral), 3), RefusalCause::kNoOverlap);
   // All linked, as in a walk straight ahead: more overlap would not help.
   sfm::CaptureEvidence linked = Evidence(20, 2000, 2, 300, PairGeometry::kGeneral);
@@ -84,7 +84,7 @@ TEST(Diagnosis, ModelsThatMustBeRefused) {
   };
   const auto good = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
   EXPECT_EQ(cause(Arc(10, 1.0), good), RefusalCause::kNarrowRays);
-  EXPECT_EQ(cause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kPlanarOrRotation)),
+  EXPECT_EQ(cause(Arc(10, 60), Evidence(10, 2000, 2, 300, PairGeometry::kRotation)),
             RefusalCause::kRotationOnly);
   EXPECT_EQ(cause(Arc(2, 60), Evidence(10, 2000, 2, 16, PairGeometry::kGeneral)), RefusalCause::kNoOverlap);
   EXPECT_EQ(cause(Arc(2, 60), good), RefusalCause::kMisfit);
@@ -97,20 +97,37 @@ TEST(Diagnosis, ModelsThatMustBeRefused) {
 
 TEST(Diagnosis, HomographiesBetweenClosePicturesAreNormal) {
   // Neighbours 3 degrees apart are explained by homographies, pictures 30 degrees apart are not.
-  auto evidence = Evidence(21, 2000, 2, 300, PairGeometry::kPlanarOrRotation);
+  auto evidence = Evidence(21, 2000, 2, 300, PairGeometry::kRotation);
   evidence.pairs.push_back({"0", "10", 200, PairGeometry::kGeneral});
-  EXPECT_GT(sfm::HomographyShare(evidence.pairs), 0.9);
+  EXPECT_GT(sfm::RotationShare(evidence.pairs), 0.9);
   EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 0);
   EXPECT_FALSE(sfm::JudgeModel(Arc(21, 60), evidence).has_value());
-  evidence.pairs.back().geometry = PairGeometry::kPlanarOrRotation;
+  evidence.pairs.back().geometry = PairGeometry::kRotation;
   EXPECT_EQ(sfm::FoldedShare(Arc(21, 60).scene, evidence.pairs), 1);
+}
+
+TEST(Diagnosis, APlaneSeenFromTwoPlacesIsNoRotation) {
+  const auto planes = Evidence(10, 2000, 2, 300, PairGeometry::kPlane);
+  EXPECT_EQ(sfm::RotationShare(planes.pairs), 0);
+  EXPECT_EQ(sfm::ExplainFailure(planes, 0).cause, RefusalCause::kMisfit);
+  io::ColmapModel model = Arc(10, 60);
+  EXPECT_TRUE(sfm::IsFlat(model.scene, planes.pairs));
+  for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
+    model.scene.points[i].xyz =
+        1e-3 * Eigen::Vector3d(static_cast<double>(i % 4), static_cast<double>(i / 4), 0);
+  }
+  EXPECT_LT(sfm::PlaneRatio(model.scene), 1e-6);
+  EXPECT_FALSE(sfm::JudgeModel(model, planes).has_value());
+  // The same evidence with points all over a volume: the camera turned, and the mapper made up the rest.
+  EXPECT_GT(sfm::PlaneRatio(Arc(10, 60).scene), 0.3);
+  EXPECT_EQ(sfm::JudgeModel(Arc(10, 60), planes).value().cause, RefusalCause::kRotationOnly);
 }
 
 TEST(Diagnosis, PairsWithLittleSupportSayNothingAboutRotation) {
   auto evidence = Evidence(10, 2000, 2, 300, PairGeometry::kGeneral);
-  for (int i = 0; i < 100; ++i) evidence.pairs.push_back({"0", "5", 16, PairGeometry::kPlanarOrRotation});
-  EXPECT_EQ(sfm::HomographyShare(evidence.pairs), 0);
-  EXPECT_EQ(sfm::HomographyShare({}), 0);
+  for (int i = 0; i < 100; ++i) evidence.pairs.push_back({"0", "5", 16, PairGeometry::kRotation});
+  EXPECT_EQ(sfm::RotationShare(evidence.pairs), 0);
+  EXPECT_EQ(sfm::RotationShare({}), 0);
 }
 
 TEST(Diagnosis, CausesOfOneMissingPicture) {

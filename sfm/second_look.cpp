@@ -1,0 +1,141 @@
+#include "sfm/second_look.h"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "sfm/mapping/pair_agreement.h"
+
+namespace sfm {
+namespace {
+
+// Of the inliers of a picture's pairs. A right pose agrees with nearly all of them, a wrong one with those of
+// a few pairs, by which it was found.
+constexpr double kMaxContradictingShare = 0.5;
+
+std::size_t Index(int i) { return static_cast<std::size_t>(i); }
+
+bool Touches(const VerifiedPair& pair, const std::string& name) {
+  return pair.name_a == name || pair.name_b == name;
+}
+
+// The model without these frames, without points that fewer than two other frames see, and without cameras
+// that took none of the others.
+io::ColmapModel WithoutFrames(const io::ColmapModel& model, const std::set<std::string>& names) {
+  io::ColmapModel kept = model;
+  kept.scene.cameras.clear();
+  kept.scene.frames.clear();
+  kept.scene.points.clear();
+  kept.observations.clear();
+  std::map<int, int> cameras, frames, points;  // old index to new one
+  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
+    io::Frame frame = model.scene.frames[i];
+    if (names.count(frame.image_path.string()) > 0) continue;
+    const auto [camera, is_new] =
+        cameras.emplace(frame.camera_index, static_cast<int>(kept.scene.cameras.size()));
+    if (is_new) kept.scene.cameras.push_back(model.scene.cameras[Index(frame.camera_index)]);
+    frame.camera_index = camera->second;
+    frames[static_cast<int>(i)] = static_cast<int>(kept.scene.frames.size());
+    kept.scene.frames.push_back(std::move(frame));
+  }
+  for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
+    io::Point3D point = model.scene.points[i];
+    std::vector<int> seen_by;
+    for (const int frame : point.frame_indices) {
+      if (frames.count(frame) > 0) seen_by.push_back(frames[frame]);
+    }
+    if (std::set<int>(seen_by.begin(), seen_by.end()).size() < 2) continue;
+    point.frame_indices = std::move(seen_by);
+    points[static_cast<int>(i)] = static_cast<int>(kept.scene.points.size());
+    kept.scene.points.push_back(std::move(point));
+  }
+  for (io::Observation observation : model.observations) {
+    const auto frame = frames.find(observation.frame_index);
+    const auto point = points.find(observation.point_index);
+    if (frame == frames.end() || point == points.end()) continue;
+    observation.frame_index = frame->second;
+    observation.point_index = point->second;
+    kept.observations.push_back(observation);
+  }
+  return kept;
+}
+
+}  // namespace
+
+std::vector<int> LeftOutPictures(const MappingAttempt& attempt) {
+  const std::vector<std::string>& names = attempt.views->names;
+  std::set<std::string> registered;
+  if (!attempt.models.empty()) {
+    for (const io::Frame& frame : attempt.models.front().scene.frames)
+      registered.insert(frame.image_path.string());
+  }
+  std::map<std::string, int> matches;
+  for (const VerifiedPair& pair : attempt.evidence.pairs) {
+    matches[pair.name_a] += pair.inliers;
+    matches[pair.name_b] += pair.inliers;
+  }
+  std::vector<int> left_out;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (registered.count(names[i]) == 0) left_out.push_back(static_cast<int>(i));
+  }
+  std::stable_sort(left_out.begin(), left_out.end(), [&](int a, int b) {
+    return matches[names[Index(a)]] > matches[names[Index(b)]];
+  });
+  return left_out;
+}
+
+ImagePairs PairsWith(const std::vector<int>& pictures, int n) {
+  ImagePairs pairs;
+  for (const int picture : pictures) {
+    for (int other = 0; other < n; ++other) {
+      if (other != picture) pairs.insert(std::minmax(picture, other));
+    }
+  }
+  return pairs;
+}
+
+double Comparisons(const std::vector<Features>& features, const ImagePairs& pairs) {
+  double sum = 0;
+  for (const auto& [a, b] : pairs) {
+    sum += static_cast<double>(features[Index(a)].keypoints.size()) *
+           static_cast<double>(features[Index(b)].keypoints.size());
+  }
+  return sum;
+}
+
+std::vector<int> WithinCeiling(const std::vector<int>& pictures,
+                               const std::vector<Features>& features,
+                               int max_features,
+                               double ceiling) {
+  const double all =
+      std::accumulate(features.begin(), features.end(), 0.0, [](double sum, const Features& picture) {
+        return sum + static_cast<double>(picture.keypoints.size());
+      });
+  std::vector<int> chosen;
+  double sum = 0;
+  for (const int picture : pictures) {
+    sum += all * max_features;
+    if (sum > ceiling) break;
+    chosen.push_back(picture);
+  }
+  return chosen;
+}
+
+std::vector<std::string> DropContradicted(const std::vector<std::string>& names, MappingAttempt* attempt) {
+  std::vector<std::string> dropped;
+  io::ColmapModel& model = attempt->models.front();
+  for (const std::string& name : names) {
+    std::vector<VerifiedPair> pairs;
+    for (const VerifiedPair& pair : attempt->evidence.pairs) {
+      if (Touches(pair, name)) pairs.push_back(pair);
+    }
+    const PairAgreement agreement =
+        CompareWithPairs(model.scene, attempt->views->names, attempt->views->features, pairs);
+    if (agreement.contradicting_share > kMaxContradictingShare) dropped.push_back(name);
+  }
+  if (!dropped.empty()) model = WithoutFrames(model, {dropped.begin(), dropped.end()});
+  return dropped;
+}
+
+}  // namespace sfm

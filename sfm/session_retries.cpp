@@ -1,0 +1,136 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "io/base/progress.h"
+#include "io/base/stopwatch.h"
+#include "sfm/features/stationary_matches.h"
+#include "sfm/mapping/diagnosis.h"
+#include "sfm/second_look.h"
+#include "sfm/session.h"
+
+namespace sfm {
+namespace {
+
+constexpr int kRetryFeatures = 8192;
+// Further attempts are made while fewer pictures than this are registered.
+constexpr double kGoodRegisteredShare = 0.9;
+// Comparisons of descriptors for the second look, over all that were made before it: at most doubling a step
+// that takes a quarter of the time.
+constexpr double kSecondLookCost = 1;
+
+}  // namespace
+
+std::vector<Session::StrongerSetting> Session::StrongerSettings(const std::vector<PairMatches>& matches,
+                                                                std::size_t n_pairs) {
+  const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
+  const double all_over_now =
+      static_cast<double>(all) / static_cast<double>(std::max<std::size_t>(1, n_pairs));
+  const ReconstructionTimes& t = result_.times;
+  const double pairs_s = t.matching_s + t.verifying_s;
+  std::vector<StrongerSetting> settings;
+  settings.push_back({"a relaxed start and half the evidence per picture", pairs_s + t.mapping_s, [&] {
+                        Try(matches, true);
+                      }});
+  if (n_pairs < all) {
+    settings.push_back({fmt::format("all {} pairs", all), pairs_s * all_over_now + t.mapping_s, [&] {
+                          Try(Match(AllPairs(n())), true);
+                        }});
+  }
+  if (options_.features < kRetryFeatures) {
+    // Comparing descriptors costs the square of their number.
+    const double growth = static_cast<double>(kRetryFeatures) / options_.features;
+    settings.push_back({fmt::format("up to {} features per picture and all pairs", kRetryFeatures),
+                        t.features_s + pairs_s * all_over_now * growth * growth + t.mapping_s * growth,
+                        [&] {
+                          Detect(kRetryFeatures);
+                          Try(Match(AllPairs(n())), true);
+                        }});
+  }
+  return settings;
+}
+
+void Session::TryStrongerSettings(const std::vector<PairMatches>& matches, std::size_t n_pairs) {
+  for (const StrongerSetting& setting : StrongerSettings(matches, n_pairs)) {
+    if (Registered(kGoodRegisteredShare)) return;
+    const RefusalCause cause = ExplainFailure(best_->evidence, best_->Registered()).cause;
+    // A stronger setting cannot cure a capture without baseline, texture or pictures.
+    const bool curable = cause == RefusalCause::kNoOverlap || cause == RefusalCause::kMisfit;
+    if (!Registered(kMinRegisteredShare) && !curable) return;
+    const std::string so_far = fmt::format("only {} of {} pictures registered; ", best_->Registered(), n());
+    if (retry_s_ + setting.estimate_s > 60 * options_.retry_minutes) {
+      decide_(so_far + fmt::format("not tried: {}, about {} (--retry-minutes)",
+                                   setting.text,
+                                   io::FormatDuration(setting.estimate_s)));
+      continue;
+    }
+    decide_(so_far + "trying again with " + setting.text);
+    const io::Stopwatch stopwatch;
+    setting.attempt();
+    retry_s_ += stopwatch.seconds();
+  }
+}
+
+std::shared_ptr<const CapturedViews> Session::WithMoreFeatures(const CapturedViews& views,
+                                                               const std::vector<int>& chosen,
+                                                               const std::vector<std::string>& names,
+                                                               int max_features) {
+  auto more = std::make_shared<CapturedViews>(views);
+  if (options_.detector != "opencv") return more;
+  const io::Stopwatch stopwatch;
+  std::vector<Features> features = DetectFeatures(
+      images_folder_,
+      names,
+      options_.masks_folder,
+      {.max_features = max_features, .max_image_size = options_.max_image_size, .threads = options_.threads});
+  for (std::size_t i = 0; i < chosen.size(); ++i)
+    more->features[static_cast<std::size_t>(chosen[i])] = std::move(features[i]);
+  result_.times.features_s += stopwatch.seconds();
+  return more;
+}
+
+void Session::LookAgain() {
+  if (best_->Registered() == n() || !Registered(kMinRegisteredShare)) return;
+  const int features =
+      options_.detector == "opencv" ? std::max(best_max_features_, kRetryFeatures) : best_max_features_;
+  const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
+  if (best_->matches.size() == all && features == best_max_features_) return;  // nothing new to see
+  const std::vector<int> left_out = LeftOutPictures(*best_);
+  const std::vector<int> chosen =
+      WithinCeiling(left_out, best_->views->features, features, kSecondLookCost * comparisons_);
+  const std::string so_far = fmt::format("{} of {} pictures registered; ", best_->Registered(), n());
+  if (chosen.empty()) {
+    decide_(so_far +
+            "not tried: a second look at the others, which would cost more than all matching so far");
+    return;
+  }
+  const ReconstructionTimes& t = result_.times;
+  const double estimate_s = kSecondLookCost * (t.matching_s + t.verifying_s) + t.mapping_s;
+  if (retry_s_ + estimate_s > 60 * options_.retry_minutes) {
+    decide_(so_far + fmt::format("not tried: a second look at the others, at most {} (--retry-minutes)",
+                                 io::FormatDuration(estimate_s)));
+    return;
+  }
+  decide_(so_far + fmt::format("a second look at {} of the {} others: with all pictures, up to {} features",
+                               chosen.size(),
+                               left_out.size(),
+                               features));
+  AddToModel(chosen, features);
+}
+
+void Session::AddToModel(const std::vector<int>& chosen, int max_features) {
+  std::vector<std::string> names;
+  for (const int i : chosen) names.push_back(pictures_[static_cast<std::size_t>(i)].name);
+  views_ = WithMoreFeatures(*best_->views, chosen, names, max_features);
+  std::vector<PairMatches> matches = Match(PairsWith(chosen, n()));
+  if (stands_still_) DropStationaryMatches(views_->features, &matches);
+  const int before = best_->Registered();
+  best_ =
+      Continue(*best_, pictures_, views_, matches, names, images_folder_, AttemptFolder(), options_.threads);
+  CountAttempt(*best_);
+  for (const std::string& name : DropContradicted(names, &*best_))
+    decide_(name + ": added, and taken out again, because most of its matches contradict the pose found");
+  decide_(fmt::format("the second look registered {} more", best_->Registered() - before));
+}
+
+}  // namespace sfm

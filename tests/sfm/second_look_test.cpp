@@ -1,0 +1,115 @@
+// The second look: what is looked at, what it costs, and that a model grows by it without being made anew.
+#include "sfm/second_look.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "sfm/scene/pose_error.h"
+#include "sfm/synthetic/synthetic_capture.h"
+#include "tests/support/require_program.h"
+#include "tests/support/temp_dir.h"
+
+namespace {
+
+using Names = std::vector<std::string>;
+
+// A ring of which the mapper first gets only the matches that touch no picture of `unseen`.
+struct Ring {
+  explicit Ring(std::set<int> left_out) : unseen(std::move(left_out)) {
+    capture = sfm::MakeSyntheticCapture({.pictures = 10, .points = 200, .noise_px = 0.3, .seed = 4});
+    views = std::make_shared<sfm::CapturedViews>(sfm::CapturedViews{
+        sfm::Names(capture.pictures), sfm::CameraGroups(capture.pictures), capture.features});
+    for (const sfm::PairMatches& pair : capture.matches)
+      (unseen.count(pair.a) + unseen.count(pair.b) > 0 ? later : first).push_back(pair);
+    for (const int i : unseen) names.push_back(capture.pictures[static_cast<std::size_t>(i)].name);
+  }
+
+  sfm::MappingAttempt Map(const std::filesystem::path& folder) const {
+    return sfm::Attempt(capture.pictures, views, first, "", folder, false, 2);
+  }
+  sfm::MappingAttempt Grow(const sfm::MappingAttempt& before, const std::filesystem::path& folder) const {
+    return sfm::Continue(before, capture.pictures, views, later, names, "", folder, 2);
+  }
+
+  std::set<int> unseen;
+  sfm::SyntheticCapture capture;
+  std::shared_ptr<sfm::CapturedViews> views;
+  std::vector<sfm::PairMatches> first, later;
+  Names names;
+};
+
+TEST(SecondLook, AModelGrowsByThePicturesItLacked) {
+  REQUIRE_PROGRAM("colmap");
+  const TempDir dir;
+  const Ring ring({3, 7});
+  const sfm::MappingAttempt before = ring.Map(dir / "before");
+  ASSERT_EQ(before.Registered(), 8);
+  EXPECT_EQ(sfm::LeftOutPictures(before), (std::vector<int>{3, 7}));
+  sfm::MappingAttempt after = ring.Grow(before, dir / "after");
+  ASSERT_EQ(after.Registered(), 10);
+  EXPECT_EQ(after.evidence.pairs.size(), ring.capture.matches.size());
+  EXPECT_EQ(after.matches.size(), ring.capture.matches.size());
+  EXPECT_TRUE(sfm::LeftOutPictures(after).empty());
+  EXPECT_TRUE(sfm::DropContradicted(ring.names, &after).empty());
+  const sfm::PoseError error = sfm::ComparePoses(after.models.front().scene, ring.capture.truth);
+  EXPECT_LT(error.rotation_max_deg, 0.2);
+  EXPECT_LT(error.centre_rmse, 5e-3);
+}
+
+TEST(SecondLook, WhatDoesNotFitStaysOut) {
+  REQUIRE_PROGRAM("colmap");
+  const TempDir dir;
+  Ring ring({5});
+  const sfm::MappingAttempt before = ring.Map(dir / "before");
+  ASSERT_EQ(before.Registered(), 9);
+  ring.later.resize(3);                        // verifying what is wrong takes long
+  for (sfm::PairMatches& pair : ring.later) {  // every match goes to another point
+    for (std::size_t i = 0; i < pair.matches.size(); ++i)
+      pair.matches[i][1] = pair.matches[(i + 7) % pair.matches.size()][1];
+    for (std::size_t i = 0; i + 1 < pair.matches.size(); ++i)
+      std::swap(pair.matches[i][1], pair.matches[i / 2][1]);
+  }
+  const sfm::MappingAttempt after = ring.Grow(before, dir / "after");
+  EXPECT_EQ(after.Registered(), 9);
+  EXPECT_EQ(after.largest, before.largest);
+  EXPECT_EQ(sfm::LeftOutPictures(after), (std::vector<int>{5}));
+  EXPECT_NE(after.database, before.database) << "its pairs say why the picture is missing";
+}
+
+TEST(SecondLook, APictureInAWrongPlaceIsTakenOutAgain) {
+  REQUIRE_PROGRAM("colmap");
+  const TempDir dir;
+  const Ring ring({});
+  sfm::MappingAttempt attempt = ring.Map(dir / "work");
+  ASSERT_EQ(attempt.Registered(), 10);
+  io::Scene& scene = attempt.models.front().scene;
+  io::Frame& moved = scene.frames[4];
+  moved.world_from_cam.translation += 0.5 * scene.frames[5].world_from_cam.rotation.col(1);
+  const std::string name = moved.image_path.string();
+  const std::size_t points = scene.points.size();
+  EXPECT_TRUE(sfm::DropContradicted({"p0000.png", "p0001.png"}, &attempt).empty());
+  EXPECT_EQ(sfm::DropContradicted({"p0000.png", name}, &attempt), Names{name});
+  ASSERT_EQ(attempt.Registered(), 9);
+  const io::ColmapModel& model = attempt.models.front();
+  EXPECT_GT(model.scene.points.size(), points / 2);
+  EXPECT_EQ(model.scene.cameras.size(), 1u);
+  for (const io::Frame& frame : model.scene.frames) EXPECT_NE(frame.image_path.string(), name);
+  for (const io::Observation& o : model.observations) {
+    const io::Point3D& point = model.scene.points.at(static_cast<std::size_t>(o.point_index));
+    EXPECT_EQ(std::count(point.frame_indices.begin(), point.frame_indices.end(), o.frame_index), 1);
+  }
+}
+
+TEST(SecondLook, CostsAreCountedInComparisons) {
+  EXPECT_EQ(sfm::PairsWith({1, 3}, 4), (sfm::ImagePairs{{0, 1}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}));
+  std::vector<sfm::Features> features(4);
+  for (std::size_t i = 0; i < 4; ++i) features[i].keypoints.resize(10 * (i + 1));
+  EXPECT_EQ(sfm::Comparisons(features, {{0, 1}, {2, 3}}), 10 * 20 + 30 * 40);
+  // One picture costs 100 features in all times 50.
+  EXPECT_EQ(sfm::WithinCeiling({3, 1, 0}, features, 50, 4999), std::vector<int>{});
+  EXPECT_EQ(sfm::WithinCeiling({3, 1, 0}, features, 50, 10000), (std::vector<int>{3, 1}));
+  EXPECT_EQ(sfm::WithinCeiling({3, 1, 0}, features, 50, 1e9), (std::vector<int>{3, 1, 0}));
+}
+
+}  // namespace
