@@ -18,6 +18,7 @@ enum class ExitCode {
   kLocked = 7,              // another process works in the run folder
   kBadState = 8,            // a checkpoint or model of ours is damaged or does not belong here
   kNumeric = 9,             // non-finite loss that roll-back could not cure
+  kNotReconstructed = 10,   // film and report are there, but held-out views do not show the scene
   kInternal = 70,           // a bug of ours
 };
 

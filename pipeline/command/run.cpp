@@ -25,6 +25,7 @@
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/train_options.h"
+#include "pipeline/stages/verdict.h"
 
 namespace pipeline {
 namespace {
@@ -196,6 +197,12 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
     if (exit_code != 0) return exit_code;
   }
   PrintResults(out, stages, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  const Verdict verdict = Judge(ReadScores(out / "evaluate"));
+  if (verdict.outcome == Outcome::kFailed) {
+    throw Error(ExitCode::kNotReconstructed,
+                out.string() + ": not reconstructed: " + verdict.text,
+                "Photograph more views between neighbouring ones, or train longer (--time)");
+  }
   return 0;
 }
 

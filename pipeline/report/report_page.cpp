@@ -11,6 +11,7 @@
 #include "io/image/image.h"
 #include "pipeline/report/plot_svg.h"
 #include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/verdict.h"
 
 namespace pipeline {
 namespace {
@@ -45,8 +46,17 @@ std::string Card(const std::string& figure, const std::string& label) {
          "</span></div>\n";
 }
 
+// What is wrong with the result, before any figure.
+std::string VerdictLine(const ReportData& data) {
+  const Verdict verdict = Judge(data.scores);
+  if (verdict.outcome == Outcome::kReconstructed) return "";
+  const char* start = verdict.outcome == Outcome::kFailed ? "Not reconstructed: " : "Doubtful: ";
+  return "<p class=\"verdict\">" + EscapeHtml(start + verdict.text) + ".</p>\n";
+}
+
 std::string Headlines(const ReportData& data) {
-  std::string html = "<div class=\"cards\">\n";
+  std::string html = data.has_scores ? VerdictLine(data) : "";
+  html += "<div class=\"cards\">\n";
   if (data.has_ingest) {
     html += Card(fmt::format("{}", data.kept), fmt::format("pictures kept, {} dropped", data.dropped));
   }

@@ -12,6 +12,7 @@
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
+#include "pipeline/stages/verdict.h"
 
 namespace pipeline {
 namespace {
@@ -30,8 +31,11 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     test.frames = std::move(kept);
     stage.Decide(fmt::format("scored {} of {} held-out views", test.frames.size(), n_all));
   }
-  RenderViews(*nerf::TrainedField::Load(checkpoint), test, stage.folder(), options.threads);
+  const std::unique_ptr<nerf::TrainedField> field = nerf::TrainedField::Load(checkpoint);
+  RenderViews(*field, test, stage.folder(), options.threads);
   Scores scores = ScoreViews(test, stage.folder(), options);
+  const io::Scene train = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
+  scores.training_psnr_db = TrainingPsnr(*field, train, options.threads);
   scores.protocol = ReadSceneRecord(common.out).protocol + (scores.masked ? ", masked" : "");
   WriteScores(scores, stage.folder());
 
@@ -48,6 +52,14 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
           worst.name,
           worst.psnr_db)
           .c_str());
+  const Verdict verdict = Judge(scores);
+  if (verdict.outcome != Outcome::kReconstructed)
+    stage.Decide(std::string(verdict.outcome == Outcome::kFailed ? "not reconstructed: " : "doubtful: ") +
+                 verdict.text);
+  if (!verdict.strays.empty())
+    stage.Decide(fmt::format("{} views lie 6 dB or more below the median: {}",
+                             verdict.strays.size(),
+                             fmt::join(verdict.strays, ", ")));
   if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", scores.protocol);

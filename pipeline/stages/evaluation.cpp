@@ -9,6 +9,7 @@
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
+#include "io/base/median.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
@@ -59,7 +60,22 @@ void WriteComparison(const io::Frame& frame, const fs::path& render_path, const 
   io::WriteImage(paths.error, DarkenUnused(error, mask));
 }
 
-ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double* mse) {
+// Of the picture against its own mean colour.
+double PlainPsnr(const io::Image& truth, const io::Mask& mask) {
+  double sum[3] = {0, 0, 0}, n = 0;
+  const std::size_t n_pixels = truth.data.size() / 3;
+  for (std::size_t i = 0; i < n_pixels; ++i) {
+    if (!mask.Uses(i)) continue;
+    n += 1;
+    for (std::size_t c = 0; c < 3; ++c) sum[c] += truth.data[3 * i + c];
+  }
+  io::Image plain = truth;
+  for (std::size_t i = 0; i < plain.data.size(); ++i)
+    plain.data[i] = static_cast<std::uint8_t>(std::lround(sum[i % 3] / std::max(n, 1.0)));
+  return nerf::PsnrFromMse(nerf::MeanSquaredError(truth, plain, mask));
+}
+
+ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double* mse, double* plain_psnr) {
   if (!fs::is_regular_file(render_path)) {
     throw Error(ExitCode::kBadInput, render_path.string() + ": the render of a held-out view is missing");
   }
@@ -73,6 +89,7 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double*
   ViewScore score;
   score.name = frame.image_path.filename().string();
   *mse = nerf::MeanSquaredError(truth, render, mask);
+  *plain_psnr = PlainPsnr(truth, mask);
   score.identical = *mse == 0;
   score.psnr_db = nerf::PsnrFromMse(*mse);
   score.ssim = nerf::Ssim(truth, render, mask);
@@ -134,6 +151,22 @@ void RenderViews(const nerf::TrainedField& field,
   }
 }
 
+std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Scene& train, int threads) {
+  const std::size_t n = train.frames.size();
+  const std::size_t n_judged = std::min(n, static_cast<std::size_t>(kJudgedTrainingViews));
+  std::vector<double> psnr;
+  for (std::size_t i = 0; i < n_judged; ++i) {
+    io::ThrowIfInterrupted();
+    const io::Frame& frame = train.frames[i * n / n_judged];
+    const io::Camera& camera = train.cameras[static_cast<std::size_t>(frame.camera_index)];
+    const io::Image truth = ReadTruth(frame);
+    const io::Image render = QuantizeView(field.Render(camera, frame.world_from_cam, {.threads = threads}));
+    psnr.push_back(nerf::PsnrFromMse(nerf::MeanSquaredError(truth, render, MaskOf(frame, truth))));
+  }
+  if (psnr.empty()) return std::nullopt;
+  return io::Median(std::move(psnr));
+}
+
 Comparison ComparisonPaths(const fs::path& folder, int rank, int n_views, const std::string& name) {
   const std::string start =
       fmt::format("{:0{}}_{}_", rank, n_views < 100 ? 2 : 3, fs::path(name).stem().string());
@@ -153,13 +186,13 @@ Scores ScoreViews(const io::Scene& test, const fs::path& folder, const Evaluatio
     return !frame.mask_path.empty();
   });
   result.views.resize(test.frames.size());
-  std::vector<double> mses(test.frames.size());
+  std::vector<double> mses(test.frames.size()), plain(test.frames.size());
   io::Workers workers(options.threads);
   io::Progress progress("evaluate: score");
   std::atomic<int> done = 0;
   workers.Run(n, [&](int i, int thread) {
     io::ThrowIfInterrupted();
-    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]), &mses[i]);
+    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]), &mses[i], &plain[i]);
     ++done;
     if (thread == 0) progress.Update(static_cast<double>(done) / n);
   });
@@ -173,6 +206,7 @@ Scores ScoreViews(const io::Scene& test, const fs::path& folder, const Evaluatio
     mean_mse += mses[i] / n;
   }
   result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mean_mse);
+  result.plain_psnr_db = io::Median(std::move(plain));
 
   fs::remove_all(folder / "compare");
   fs::create_directories(folder / "compare");

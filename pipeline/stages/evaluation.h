@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "io/image/image.h"
@@ -29,6 +30,11 @@ void RenderViews(const nerf::TrainedField& field,
                  const io::Scene& test,
                  const std::filesystem::path& folder,
                  int threads);
+
+// Median PSNR over at most kJudgedTrainingViews evenly spread pictures that the field was trained on,
+// rendered for this alone. Nothing without pictures.
+inline constexpr int kJudgedTrainingViews = 8;
+std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Scene& train, int threads);
 
 // The pictures of folder/compare/ that show one view: the photo, its render, and the FLIP error in magma
 // colours.

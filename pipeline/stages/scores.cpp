@@ -63,6 +63,8 @@ void WriteScores(const Scores& scores, const fs::path& folder) {
   json["ssim"] = scores.ssim;
   json["flip"] = scores.flip;
   json["psnr_of_mean_mse"] = scores.psnr_of_mean_mse_db;
+  if (scores.training_psnr_db) json["training_psnr_median"] = *scores.training_psnr_db;
+  if (scores.plain_psnr_db) json["one_colour_psnr_median"] = *scores.plain_psnr_db;
   std::string csv = "name,psnr,ssim,flip\n";
   for (const ViewScore& view : scores.views) {
     Json entry = {{"name", view.name}, {"psnr", view.psnr_db}, {"ssim", view.ssim}, {"flip", view.flip}};
@@ -87,6 +89,8 @@ Scores ReadScores(const fs::path& folder) {
   scores.ssim = NumberAt(json, "ssim");
   scores.flip = NumberAt(json, "flip");
   scores.psnr_of_mean_mse_db = NumberAt(json, "psnr_of_mean_mse");
+  if (json.Has("training_psnr_median")) scores.training_psnr_db = NumberAt(json, "training_psnr_median");
+  if (json.Has("one_colour_psnr_median")) scores.plain_psnr_db = NumberAt(json, "one_colour_psnr_median");
   const JsonReader views = json.At("images");
   for (std::size_t i = 0; i < views.Size(); ++i) {
     const JsonReader view = views.At(i);

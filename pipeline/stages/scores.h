@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ struct Scores {
   std::vector<ViewScore> views;            // in the order of the scene's frames
   double psnr_db = 0, ssim = 0, flip = 0;  // means over the views
   double psnr_of_mean_mse_db = 0;
+  // Medians: of some training pictures, and of held-out pictures replaced by their own mean colour.
+  std::optional<double> training_psnr_db, plain_psnr_db;
 
   std::vector<int> WorstFirst() const;  // view indices by rising PSNR
 };

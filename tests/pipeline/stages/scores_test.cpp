@@ -23,7 +23,9 @@ pipeline::Scores TwoViews() {
           .psnr_db = 230.0 / 3,
           .ssim = 0.985,
           .flip = 0.02,
-          .psnr_of_mean_mse_db = 36.3};
+          .psnr_of_mean_mse_db = 36.3,
+          .training_psnr_db = 77.5,
+          .plain_psnr_db = 9.25};
 }
 
 TEST(Scores, WrittenOnesComeBack) {
@@ -40,6 +42,8 @@ TEST(Scores, WrittenOnesComeBack) {
   EXPECT_EQ(read.ssim, written.ssim);
   EXPECT_EQ(read.flip, written.flip);
   EXPECT_EQ(read.psnr_of_mean_mse_db, written.psnr_of_mean_mse_db);
+  EXPECT_EQ(read.training_psnr_db, written.training_psnr_db);
+  EXPECT_EQ(read.plain_psnr_db, written.plain_psnr_db);
   ASSERT_EQ(read.views.size(), written.views.size());
   for (std::size_t i = 0; i < read.views.size(); ++i) {
     EXPECT_EQ(read.views[i].name, written.views[i].name);

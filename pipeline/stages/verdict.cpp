@@ -1,0 +1,44 @@
+#include "pipeline/stages/verdict.h"
+
+#include <fmt/format.h>
+
+#include "io/base/median.h"
+
+namespace pipeline {
+namespace {
+
+constexpr double kFailedGapDb = 6, kDoubtfulGapDb = 3, kMinGainDb = 3, kStrayGapDb = 6;
+
+}  // namespace
+
+Verdict Judge(const Scores& scores) {
+  Verdict verdict;
+  if (scores.views.empty()) return verdict;
+  std::vector<double> values;
+  for (const ViewScore& view : scores.views) values.push_back(view.psnr_db);
+  const double heldout = io::Median(std::move(values));
+  for (const int i : scores.WorstFirst()) {
+    const ViewScore& view = scores.views[static_cast<std::size_t>(i)];
+    if (view.psnr_db <= heldout - kStrayGapDb) verdict.strays.push_back(view.name);
+  }
+  if (scores.plain_psnr_db && heldout < *scores.plain_psnr_db + kMinGainDb) {
+    verdict.outcome = Outcome::kFailed;
+    verdict.text =
+        fmt::format("held-out views ({:.1f} dB) are hardly better than pictures of one colour ({:.1f} dB)",
+                    heldout,
+                    *scores.plain_psnr_db);
+    return verdict;
+  }
+  if (!scores.training_psnr_db) return verdict;
+  const double training = *scores.training_psnr_db, gap = training - heldout;
+  if (gap < kDoubtfulGapDb) return verdict;
+  verdict.outcome = gap < kFailedGapDb ? Outcome::kDoubtful : Outcome::kFailed;
+  verdict.text = fmt::format(
+      "training pictures are {} ({:.1f} dB), the views between them are not shown as well ({:.1f} dB)",
+      gap < kFailedGapDb ? "fitted" : "memorised",
+      training,
+      heldout);
+  return verdict;
+}
+
+}  // namespace pipeline

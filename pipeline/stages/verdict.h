@@ -1,0 +1,26 @@
+// Whether the held-out views were reconstructed, or the training pictures only memorised.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "pipeline/stages/scores.h"
+
+namespace pipeline {
+
+enum class Outcome { kReconstructed, kDoubtful, kFailed };
+
+struct Verdict {
+  Outcome outcome = Outcome::kReconstructed;
+  std::string text;                 // cause and figures; empty when reconstructed
+  std::vector<std::string> strays;  // held-out views far below the others, worst first
+};
+
+// By medians over views, so that a single bad picture decides nothing:
+//   failed    when held-out views have 4 times the squared error of training pictures or more (6 dB), or lie
+//             less than 3 dB above a picture of one colour;
+//   doubtful  from twice the squared error on (3 dB).
+// Strays lie 6 dB or more below the median. Scores without training figures are judged by the others.
+Verdict Judge(const Scores& scores);
+
+}  // namespace pipeline
