@@ -18,6 +18,8 @@ constexpr double kGoodRegisteredShare = 0.9;
 // Comparisons of descriptors for the second look, over all that were made before it: at most doubling a step
 // that takes a quarter of the time.
 constexpr double kSecondLookCost = 1;
+// Half the usual one, and in full size: a picture is mostly left out because it is dark or plain.
+constexpr double kSecondLookContrast = 0.01;
 
 }  // namespace
 
@@ -78,11 +80,13 @@ std::shared_ptr<const CapturedViews> Session::WithMoreFeatures(const CapturedVie
   auto more = std::make_shared<CapturedViews>(views);
   if (options_.detector != "opencv") return more;
   const io::Stopwatch stopwatch;
-  std::vector<Features> features = DetectFeatures(
-      images_folder_,
-      names,
-      options_.masks_folder,
-      {.max_features = max_features, .max_image_size = options_.max_image_size, .threads = options_.threads});
+  std::vector<Features> features = DetectFeatures(images_folder_,
+                                                  names,
+                                                  options_.masks_folder,
+                                                  {.max_features = max_features,
+                                                   .max_image_size = 0,
+                                                   .min_contrast = kSecondLookContrast,
+                                                   .threads = options_.threads});
   for (std::size_t i = 0; i < chosen.size(); ++i)
     more->features[static_cast<std::size_t>(chosen[i])] = std::move(features[i]);
   result_.times.features_s += stopwatch.seconds();

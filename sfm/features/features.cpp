@@ -21,8 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Half of OpenCV's default and COLMAP's value: soft textures still give features; the strongest are kept.
-constexpr double kContrastThreshold = 0.02, kEdgeThreshold = 10, kSigma = 1.6;
+constexpr double kEdgeThreshold = 10, kSigma = 1.6;
 constexpr int kOctaveLayers = 3;
 // OpenCV doubles the picture with pixel centres mapped to pixel centres, x2 = 2 x + 1/2, and halves the
 // keypoints' positions as if x2 = 2 x: they come out 1/4 pixel too large (opencv/opencv#23123). Positions
@@ -71,7 +70,7 @@ Features Detect(const fs::path& path, const fs::path& masks_folder, const Featur
   const float scale_x = static_cast<float>(full.width) / static_cast<float>(picture.cols);
   const float scale_y = static_cast<float>(full.height) / static_cast<float>(picture.rows);
   const cv::Ptr<cv::SIFT> sift =
-      cv::SIFT::create(options.max_features, kOctaveLayers, kContrastThreshold, kEdgeThreshold, kSigma);
+      cv::SIFT::create(options.max_features, kOctaveLayers, options.min_contrast, kEdgeThreshold, kSigma);
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
   sift->detectAndCompute(picture,

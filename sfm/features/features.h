@@ -25,6 +25,8 @@ struct Features {
 struct FeatureOptions {
   int max_features = 2048;    // per picture, those of highest contrast
   int max_image_size = 1600;  // longer side in pixels for detection; 0: full size
+  // Half of OpenCV's default and COLMAP's value: soft textures still give features; the strongest are kept.
+  double min_contrast = 0.02;
   int threads = 1;
 };
 

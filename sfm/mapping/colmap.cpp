@@ -314,10 +314,17 @@ std::optional<fs::path> Colmap::Continue(const fs::path& images_folder,
                                          int n_pictures) {
   const fs::path output = work_folder_ / "continued";
   Step step = MapperStep(images_folder, output, n_pictures);
-  // Otherwise a picture that does not fit is tried 200 times over, and then as the start of other models.
-  step.arguments.insert(
-      step.arguments.end(),
-      {"--input_path", model.string(), "--Mapper.multiple_models", "0", "--Mapper.init_num_trials", "1"});
+  // Half of COLMAP's evidence: poses are checked by the pairs afterwards. By its defaults a picture that does
+  // not fit is tried 200 times over, and then as the start of other models.
+  step.arguments.insert(step.arguments.end(),
+                        {"--input_path",
+                         model.string(),
+                         "--Mapper.multiple_models",
+                         "0",
+                         "--Mapper.init_num_trials",
+                         "1",
+                         "--Mapper.abs_pose_min_num_inliers",
+                         "15"});
   if (!Run(step) || !io::IsColmapModel(output)) return std::nullopt;
   return output;
 }

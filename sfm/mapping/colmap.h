@@ -47,8 +47,8 @@ class Colmap {
                                          int n_pictures,
                                          bool relaxed = false);
 
-  // Adds pictures to a model of pictures of database(), whose keypoints must be those of the model; the
-  // folder of the result, nothing when COLMAP could not go on.
+  // Adds pictures, on half the usual evidence, to a model of pictures of database(), whose keypoints must be
+  // those of the model; the folder of the result, nothing when COLMAP could not go on.
   std::optional<std::filesystem::path> Continue(const std::filesystem::path& images_folder,
                                                 const std::filesystem::path& model,
                                                 int n_pictures);

@@ -59,14 +59,14 @@ HardCaseResult RunCell(const HardCase& c, std::uint64_t seed = 1) {
 TEST(HardCases, QuickCellsPass) {
   REQUIRE_PROGRAM("colmap");
   int cells = 0;
-  for (const char* id : {"S02", "S03.1", "S06.2", "S08.4", "S14", "S15", "S16.1", "S17.2"}) {
+  for (const char* id : {"S02", "S03.1", "S06.2", "S08.4", "S14", "S15", "S16.1", "S17.2", "S28.1"}) {
     const HardCaseResult result = RunCell(Find(id));
     EXPECT_TRUE(sfm::Passes(Find(id), result)) << id;
     EXPECT_FALSE(sfm::IsFolded(result)) << id;
     EXPECT_EQ(result.failure, "") << id;
     ++cells;
   }
-  EXPECT_EQ(cells, 8);
+  EXPECT_EQ(cells, 9);
 }
 
 // With this seed the error of held-out observations falls by 0.3 % only, less than a step must bring, while
