@@ -14,6 +14,7 @@
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/stage_table.h"
+#include "pipeline/stages/scores.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
@@ -34,6 +35,15 @@ class FakeStages : public testing::Test {
       fs::copy_file(fs::path(BINARY_DIR) / "bin" / program, dir_ / "bin" / program);
     fs::create_directories(dir_ / "photos");
     for (const pipeline::StageEntry& stage : pipeline::StageTable()) Fake(stage, "");
+    SetScores(29, 28);
+  }
+
+  // What the fake `evaluate` writes.
+  void SetScores(double training_db, double heldout_db) {
+    pipeline::Scores scores{.protocol = "capture", .width = 8, .height = 6};
+    scores.views.push_back({.name = "a.png", .psnr_db = heldout_db});
+    scores.training_psnr_db = training_db;
+    pipeline::WriteScores(scores, dir_.path());
   }
 
   // behaviour: shell code that runs between the log and the products.
@@ -46,7 +56,8 @@ class FakeStages : public testing::Test {
                   (dir_ / "log").string() + "\n[ \"$1\" = --out ] || shift\nout=$2\n" + behaviour +
                   "\nmkdir -p \"$out/" + folder +
                   "\"\necho '{\"status\": \"done\", \"wall_s\": 1.5}' > \"$out/" + folder + "/" + folder +
-                  ".json\"\n: > \"$out/report.html\"; [ ! -d \"$out/render\" ] || : > "
+                  ".json\"\n[ " + folder + " != evaluate ] || cp " + (dir_ / "metrics.json").string() +
+                  " \"$out/evaluate\"\n: > \"$out/report.html\"; [ ! -d \"$out/render\" ] || : > "
                   "\"$out/render/novel_view.mp4\"\n");
     fs::permissions(program, fs::perms::owner_all);
   }
@@ -85,6 +96,18 @@ TEST_F(FakeStages, ChainRunsEveryStageOnceInOrder) {
   EXPECT_EQ(OutputLines("time    10.5 s (ingest 1.5 s, sfm 1.5 s"), 1);
   EXPECT_EQ(OutputLines("OpenBLAS"), 1);
   EXPECT_EQ(OutputLines(" threads; "), 1);
+}
+
+TEST_F(FakeStages, WhatWasOnlyMemorisedIsNotCalledDone) {
+  SetScores(36, 13);
+  const std::vector<std::string> run = {"run", (dir_ / "photos").string()};
+  EXPECT_EQ(Pipeline(run), static_cast<int>(ExitCode::kNotReconstructed)) << Output();
+  EXPECT_EQ(OutputLines("film    "), 1);
+  EXPECT_EQ(OutputLines("report  "), 1);
+  EXPECT_EQ(OutputLines("error E10: "), 1);
+  EXPECT_EQ(OutputLines("memorised (36.0 dB)"), 1);
+  SetScores(17, 13);  // doubtful: said in the report, but done
+  EXPECT_EQ(Pipeline(run), 0) << Output();
 }
 
 TEST_F(FakeStages, OptionsReachTheirStagesAndAreRecorded) {
