@@ -69,9 +69,8 @@ class SupportMap {
 };
 
 // Shows what was not observed plainly: the tone replaces the colour, in proportion to how little was observed
-// around a
-// pixel. The transition is some pixels of the map wide, and holes smaller than that are left, so
-// that single pixels don't flicker.
+// around a pixel. The transition is some pixels of the map wide, and smaller holes are left, so that single
+// pixels do not flicker.
 void VeilUnobserved(const ViewSupport& support, const std::array<float, 3>& tone, RenderedView* view);
 
 // The camera for a picture of at most `side` pixels.
