@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kMinObservers = 3;
 // Of the way to the point. The rest covers the error of its depth, and surfaces seen at a flat angle.
-constexpr float kFreeShare = 0.9f;
+constexpr double kFreeShare = 0.9;
 // Lines between cameras: each is paired with so many whose directions to the point are nearest to its own, of
 // at most 60 degrees. Captures of many pictures thus span narrow fans, those of few wide ones.
 constexpr std::size_t kPartners = 6;
@@ -21,6 +21,10 @@ constexpr float kMinCosine = 0.5f;
 constexpr int kMaxBetween = 32;
 // Steps along a line, in cells: shorter than a cell, so that none is missed.
 constexpr float kStepCells = 0.7f;
+// Shortest step, as a share of the way: a line takes at most 10,000 of them, however far its point lies.
+constexpr double kMinStep = 1e-4;
+// Points farther out, in half sides of the cube, are left alone: contracted, they lie on its faces.
+constexpr float kMaxReach = 1e6f;
 constexpr float kLineCells = 3;
 
 // Marks the cells along sight lines.
@@ -34,13 +38,13 @@ class LineMarker {
 
   void Mark(const Eigen::Vector3f& from, const Eigen::Vector3f& point) {
     const Eigen::Vector3f way = point - from;
-    const float length = way.norm();
-    for (float t = 0; t < kFreeShare * length;) {
-      const Eigen::Vector3f x = from + way * (t / length);
+    const double length = way.cast<double>().norm();
+    for (double share = 0; share < kFreeShare;) {
+      const Eigen::Vector3f x = from + way * static_cast<float>(share);
       float unit[3];
       contraction_.ToUnit(x.data(), unit);
       Insert(grid_.CellAt(unit), &cells_);
-      t += kStepCells * CellSize(x);
+      share += std::max(kMinStep, static_cast<double>(kStepCells * CellSize(x)) / length);
     }
     ++n_lines_;
   }
@@ -68,7 +72,7 @@ class LineMarker {
   std::size_t n_lines_ = 0;
 };
 
-// The cameras of `observers` whose directions to the point are nearest to that of the first one.
+// Whose directions to the point are nearest to that of observer `first`.
 std::vector<std::size_t> Partners(const std::vector<Eigen::Vector3f>& directions, std::size_t first) {
   std::vector<std::pair<float, std::size_t>> by_angle;
   for (std::size_t i = 0; i < directions.size(); ++i) {
@@ -109,11 +113,12 @@ std::size_t CarveBySightLines(const io::Scene& scene,
   std::vector<const io::Point3D*> points;
   for (const io::Point3D& point : scene.points) {
     if (point.frame_indices.size() < kMinObservers) continue;
-    points.push_back(&point);
     const Eigen::Vector3f x = point.xyz.cast<float>();
+    if (!(contraction.Reach(x.data()) < kMaxReach)) continue;
     float unit[3];
     contraction.ToUnit(x.data(), unit);
     Insert(grid->CellAt(unit), &surface);
+    points.push_back(&point);
   }
   std::vector<CellSet> sets(static_cast<std::size_t>(workers->n_threads()), EmptyCellSet(grid->resolution()));
   std::vector<LineMarker> markers;

@@ -89,6 +89,18 @@ TEST(CarveBySightLines, PointsWithFewOrUnknownObserversSayNothing) {
     ASSERT_FALSE(carving.grid.IsNeverOccupied(cell));
 }
 
+// A step along a line must not vanish beside its length, nor a length overflow.
+TEST(CarveBySightLines, PointsAndCamerasFarOutEndToo) {
+  io::Scene scene = RowOfCameras(3);
+  scene.frames[0].world_from_cam.translation = {0, -1e7, 0};
+  scene.points.push_back({.xyz = {0, 1.2e6, 0}, .frame_indices = {0, 1, 2}});
+  scene.points.push_back({.xyz = {0, 2e6, 0}, .frame_indices = {0, 1, 2}});
+  scene.points.push_back({.xyz = {1e30, 0, 0}, .frame_indices = {0, 1, 2}});
+  scene.points.push_back({.xyz = {0.2, 0.1, 0.3}, .frame_indices = {0, 1, 2}});
+  const Vector3d half_way = 0.5 * (scene.frames[1].world_from_cam.translation + scene.points[3].xyz);
+  EXPECT_TRUE(Carving(scene, true, 2).IsFree(half_way));
+}
+
 TEST(CarveBySightLines, TheSameForAnyNumberOfThreads) {
   io::Scene scene = RowOfCameras(7);
   for (int i = 0; i < 20; ++i)
