@@ -21,6 +21,13 @@ struct View {
   std::size_t first_pixel;  // into Dataset::pixels, in pixels
 };
 
+// Distance from a camera to what one point of its picture shows.
+struct SparseDepth {
+  std::size_t view;
+  float x, y;  // pixels; the centre of the first one is at (0.5, 0.5)
+  float t;     // along the ray, scene units
+};
+
 struct Dataset {
   std::vector<View> views;
   int channels = 3;                  // 3: RGB; 4: RGB + straight alpha (all views alike)
@@ -28,7 +35,8 @@ struct Dataset {
   // sRGB in [0, 1] of a background that the pictures have in them: alpha then has the values of
   // plain_background.h.
   std::optional<std::array<float, 3>> background;
-  PixelRuns runs;  // empty: every pixel is used
+  std::vector<SparseDepth> depths;  // of sparse points; may be empty
+  PixelRuns runs;                   // empty: every pixel is used
   std::size_t n_pixels() const { return pixels.size() / static_cast<std::size_t>(channels); }
   std::size_t n_used() const { return runs.empty() ? n_pixels() : runs.size(); }
 
@@ -39,6 +47,12 @@ struct Dataset {
 
   // The view a pixel belongs to.
   const View& ViewOf(std::size_t pixel) const;
+  // The pixel that a depth lies in.
+  std::size_t PixelOf(const SparseDepth& depth) const {
+    const View& view = views[depth.view];
+    return view.first_pixel +
+           static_cast<std::size_t>(static_cast<int>(depth.y) * view.width + static_cast<int>(depth.x));
+  }
 };
 
 // Reads the pictures of a scene and their masks. Pictures with and without alpha do not mix; alpha that is

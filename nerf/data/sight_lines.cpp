@@ -5,12 +5,12 @@
 #include <utility>
 #include <vector>
 
+#include "nerf/data/sparse_depth.h"
 #include "nerf/sampling/cell_set.h"
 
 namespace nerf {
 namespace {
 
-constexpr std::size_t kMinObservers = 3;
 // Of the way to the point. The rest covers the error of its depth, and surfaces seen at a flat angle.
 constexpr double kFreeShare = 0.9;
 // Lines between cameras: each is paired with so many whose directions to the point are nearest to its own, of

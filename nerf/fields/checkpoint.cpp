@@ -16,7 +16,7 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP4";
+constexpr char kMagic[] = "NERFCKP5";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
 constexpr std::size_t kMaxFile = std::size_t{8} << 30;

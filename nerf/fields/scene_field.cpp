@@ -191,6 +191,13 @@ std::string Derivation(const Space& space, const std::string& size, const SceneF
 
 }  // namespace
 
+std::array<float, 3> SceneField::Background(bool has_alpha, const std::array<float, 3>& chosen) const {
+  if (background) return *background;
+  if (has_alpha) return chosen;
+  const float grey = EndsAtInfinity() ? 0.f : 0.5f;
+  return {grey, grey, grey};
+}
+
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
                                            const Dataset& dataset,
                                            const SceneFieldOptions& options,

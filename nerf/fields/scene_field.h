@@ -16,9 +16,6 @@
 
 namespace nerf {
 
-// Opaque pictures are trained against the mean of all backgrounds, so unseen space is shown as grey.
-inline constexpr std::array<float, 3> kUnseenGrey = {0.5f, 0.5f, 0.5f};
-
 struct SceneField {
   SceneField(const SceneContraction& space,
              const SamplerOptions& sampling,
@@ -29,6 +26,15 @@ struct SceneField {
         field(std::move(radiance_field)),
         grid(grid_resolution, contraction) {}
   SceneField(const SceneField&) = delete;  // the grid refers to the contraction
+
+  // Whether a ray that leaves the scene ends at infinity, on an opaque sample there, which has a colour as
+  // any other. What moves by no parallax, such as sky or a dark room around a lit subject, is then explained
+  // far away, instead of by walls and fog before each camera.
+  bool EndsAtInfinity() const { return contraction.unbounded && field->kind() == FieldKind::kHash; }
+  // What shows where light leaves the scene: what was told apart in the pictures; `chosen` where their alpha
+  // left it free; black for rays that end at infinity, whose light is complete; else the mean of all
+  // backgrounds, against which opaque pictures are trained.
+  std::array<float, 3> Background(bool has_alpha, const std::array<float, 3>& chosen) const;
 
   SceneContraction contraction;
   SamplerOptions sampler_options;

@@ -47,6 +47,13 @@ float Absorb(float opacity, float transmittance, float t, RenderedRay* ray) {
   return weight;
 }
 
+// Densities and colours of all samples.
+void QueryAll(const SceneField& scene_field, std::span<const Ray> rays, int pass, Scratch* scratch) {
+  const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
+  scene_field.field->Query(
+      scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
+}
+
 // Marches up to kWaveSamples further samples of every active ray.
 void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_scale, Scratch* scratch) {
   scratch->samples.clear(), scratch->marching.clear();
@@ -99,6 +106,26 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
   }
 }
 
+// Adds the light from infinity to rays that still let some pass.
+void ShadeInfinity(const SceneField& scene_field,
+                   const Sampler& sampler,
+                   std::span<const Ray> rays,
+                   Scratch* scratch,
+                   RenderedRay* out) {
+  scratch->ray_of.clear();
+  for (int i = 0; i < static_cast<int>(rays.size()); ++i)
+    if (!(out[i].transmittance < kEarlyStopTransmittance)) scratch->ray_of.push_back(i);
+  scratch->samples.resize(scratch->ray_of.size());
+  for (std::size_t i = 0; i < scratch->ray_of.size(); ++i)
+    sampler.PlaceAtInfinity(rays[static_cast<std::size_t>(scratch->ray_of[i])], i, &scratch->samples);
+  scratch->Resize();
+  QueryAll(scene_field, rays, 0, scratch);
+  for (std::size_t i = 0; i < scratch->ray_of.size(); ++i) {
+    RenderedRay& ray = out[scratch->ray_of[i]];
+    for (std::size_t j = 0; j < 3; ++j) ray.rgb[j] += ray.transmittance * scratch->rgb[3 * i + j];
+  }
+}
+
 void RenderPruned(const SceneField& scene_field,
                   std::span<const Ray> rays,
                   int samples_per_pixel,
@@ -134,6 +161,8 @@ void RenderPruned(const SceneField& scene_field,
     }
     scratch->active.resize(kept);
   }
+  if (scene_field.EndsAtInfinity() && std::isinf(end))
+    ShadeInfinity(scene_field, sampler, rays, scratch, out);
 }
 
 // A ray with n samples from `first` on, whose densities and colours are known; their weights stay in the
@@ -168,9 +197,7 @@ void QueryBins(const SceneField& scene_field,
     scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), static_cast<int>(r));
   }
   scratch->Resize();
-  const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
-  scene_field.field->Query(
-      scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
+  QueryAll(scene_field, rays, pass, scratch);
 }
 
 // Every ray at the midpoints of its bins; with importance samples, a first network finds where they go.

@@ -12,10 +12,11 @@
 namespace nerf {
 
 struct RenderedRay {
-  // Sum of weights times colour, background not included. Along the occupancy grid, neighbouring samples
-  // share one colour until they weigh 1e-3 together; a ray with less opacity than that in all stays black.
+  // Sum of weights times colour, with that at infinity where rays end there, without any background. Along
+  // the occupancy grid, neighbouring samples share one colour until they weigh 1e-3 together; a ray with less
+  // opacity than that in all stays black.
   float rgb[3];
-  float transmittance;  // share of the background that shows
+  float transmittance;  // share of the light that leaves the scene: what shows the background or infinity
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
 };
 

@@ -27,7 +27,7 @@ class CheckpointTrainedField : public TrainedField {
                              : samples_per_pixel > 1 ? 0.7f
                                                      : 0.5f;
     const std::array<float, 3> background =
-        scene_field_->background.value_or(state_.channels == 4 ? options.background : kUnseenGrey);
+        scene_field_->Background(state_.channels == 4, options.background);
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});

@@ -1,6 +1,7 @@
 #include "nerf/sampling/sampler.h"
 
 #include <cstring>
+#include <limits>
 #include <type_traits>
 
 #include "nerf/kernels/kernels.h"
@@ -105,6 +106,14 @@ void Sampler::Place(const Ray& ray,
     samples->t.push_back(t[i]);
     samples->cell.push_back(cell);
   }
+}
+
+void Sampler::PlaceAtInfinity(const Ray& ray, std::size_t i, Samples* samples) const {
+  float unit[3];
+  contraction_.ToUnitAtInfinity(ray.direction, unit);
+  samples->x[i] = unit[0], samples->y[i] = unit[1], samples->z[i] = unit[2];
+  samples->t[i] = std::numeric_limits<float>::infinity();
+  samples->delta[i] = 0;
 }
 
 }  // namespace nerf

@@ -68,6 +68,9 @@ class Sampler {
              const std::vector<float>& delta,
              Samples* samples) const;
 
+  // Sets sample i to the end of the ray at infinity, an interval without length.
+  void PlaceAtInfinity(const Ray& ray, std::size_t i, Samples* samples) const;
+
   // Length of the interval that starts at t.
   float Delta(float step_scale, float t) const {
     return step_scale * std::max(options_.step_size, options_.cone_angle * t);

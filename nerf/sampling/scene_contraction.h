@@ -43,6 +43,13 @@ struct SceneContraction {
     }
   }
 
+  // Where a ray ends, on the faces of the cube of an unbounded scene: the limit of ToUnit(origin + t
+  // direction) for t -> infinity, the same for all origins.
+  void ToUnitAtInfinity(const float direction[3], float unit[3]) const {
+    const float m = std::max({std::fabs(direction[0]), std::fabs(direction[1]), std::fabs(direction[2])});
+    for (int i = 0; i < 3; ++i) unit[i] = std::clamp(0.5f * direction[i] / m + 0.5f, 0.f, 1.f);
+  }
+
   // Inverse of ToUnit for points inside the open cube.
   void FromUnit(const float unit[3], float x[3]) const {
     float y[3], m = 0;

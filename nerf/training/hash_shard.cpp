@@ -1,5 +1,6 @@
 #include "nerf/training/hash_shard.h"
 
+#include <cmath>
 #include <cstring>
 
 namespace nerf {
@@ -8,6 +9,8 @@ namespace {
 // Rows that go through the networks together: their activations (about 1.4 KB a row in float) stay in a 1 MB
 // second-level cache.
 constexpr int kChunkRows = 512;
+// Of the sample at infinity: no light passes it, e^-30 = 1e-13.
+constexpr float kDepthAtInfinity = 30;
 constexpr std::size_t kInputs = HashNetwork<float>::kInputs;
 
 template <typename T>
@@ -61,7 +64,8 @@ void QueryChunk(const HashShardContext<Real>& context,
 }
 
 // From gradients of colours and optical depths to those of the networks' outputs, logits and log sigma, in
-// place: sigma = exp(log sigma) and rgb = sigmoid(logit). Scales those of near samples, see BatchPlan.
+// place: sigma = exp(log sigma) and rgb = sigmoid(logit). At infinity the density means nothing. Scales those
+// of near samples, see BatchPlan.
 template <typename Real>
 void DifferentiateOutputs(const BatchPlan& plan,
                           const ShardSamples& samples,
@@ -70,13 +74,26 @@ void DifferentiateOutputs(const BatchPlan& plan,
   PixelGradients& pixels = scratch->pixels;
   float *logits = pixels.rgb_gradients.data(), *log_sigma = pixels.tau_gradients.data();
   const AlignedVector<float>& rgb = scratch->rows.rgb;
-  for (std::size_t i = 0; i < chunk.n; ++i) log_sigma[i] *= pixels.tau[i];
+  for (std::size_t i = 0; i < chunk.n; ++i)
+    log_sigma[i] = std::isinf(samples.sorted.t[chunk.first + i]) ? 0 : log_sigma[i] * pixels.tau[i];
   for (std::size_t i = 0; i < 3 * chunk.n; ++i) logits[i] *= rgb[i] * (1.f - rgb[i]);
   for (std::size_t i = 0; i < chunk.n; ++i) {
     const float share = samples.sorted.t[chunk.first + i] / plan.full_gradient_distance;
     if (!(share < 1)) continue;
     log_sigma[i] *= share * share;
     for (std::size_t j = 3 * i; j < 3 * i + 3; ++j) logits[j] *= share * share;
+  }
+}
+
+// Optical depths of a chunk's samples.
+template <typename Real>
+void OpticalDepths(const ShardSamples& samples,
+                   const RayChunk& chunk,
+                   const NetworkRows<Real>& rows,
+                   std::vector<float>* tau) {
+  for (std::size_t i = 0; i < chunk.n; ++i) {
+    const bool at_infinity = std::isinf(samples.sorted.t[chunk.first + i]);
+    (*tau)[i] = at_infinity ? kDepthAtInfinity : rows.sigma[i] * samples.sorted.delta[chunk.first + i];
   }
 }
 
@@ -108,8 +125,8 @@ void DifferentiateChunk(const HashShardContext<Real>& context,
   PixelGradients& pixels = scratch->pixels;
   QueryChunk(context, shard->samples, chunk, scratch);
   pixels.resize(chunk.n);
-  for (std::size_t i = 0; i < chunk.n; ++i)
-    pixels.tau[i] = pixels.weights[i] = rows.sigma[i] * shard->samples.sorted.delta[chunk.first + i];
+  OpticalDepths(shard->samples, chunk, rows, &pixels.tau);
+  pixels.weights = pixels.tau;
   kernels.one_minus_exp_neg(n, pixels.weights.data());
   const std::vector<BatchRay>& rays = scratch->batch.rays;
   CompositePixels(context.plan, rays, shard->samples, chunk, rows.rgb.data(), &pixels, &shard->loss);

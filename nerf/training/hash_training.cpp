@@ -23,6 +23,8 @@ constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
 // BatchPlan::full_gradient_distance in unbounded scenes: `near` of normalised ones, since no camera has its
 // subject nearer than that.
 constexpr float kFullGradientDistance = 2;
+// Of the depths of sparse points, in unbounded scenes. They form the surface early, which saves samples.
+constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;
@@ -91,7 +93,9 @@ BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) con
   if (scene_field_->contraction.unbounded) {
     plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
     plan.full_gradient_distance = kFullGradientDistance;
+    plan.depth_share = kDepthShare, plan.depth_weight = kDepthWeight;
   }
+  plan.ends_at_infinity = scene_field_->EndsAtInfinity();
   plan.min_weight = static_cast<float>(options_.min_weight);
   return plan;
 }

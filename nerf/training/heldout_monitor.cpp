@@ -36,7 +36,7 @@ double HeldoutMonitor::Psnr(const SceneField& scene_field, io::Workers* workers)
   if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
   const std::vector<RenderedRay> rendered =
       RenderPixels(scene_field, pixels_, scene_field.samples_per_pixel, 1.f, workers);
-  const std::array<float, 3> background = has_alpha_ ? kWhite : scene_field.background.value_or(kUnseenGrey);
+  const std::array<float, 3> background = scene_field.Background(has_alpha_, kWhite);
   double sum = 0;
   for (std::size_t i = 0; i < rendered.size(); ++i) {
     for (std::size_t j = 0; j < 3; ++j) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "nerf/rendering/depth_loss.h"
 #include "nerf/rendering/distortion.h"
 
 namespace nerf {
@@ -11,11 +12,12 @@ namespace {
 class Compositor {
  public:
   Compositor(const BatchPlan& plan,
+             const std::vector<BatchRay>& rays,
              const ShardSamples& samples,
              const RayChunk& chunk,
              const float* rgb,
              PixelGradients* rows)
-      : plan_(plan), samples_(samples), chunk_(chunk), rgb_(rgb), rows_(*rows) {}
+      : plan_(plan), rays_(rays), samples_(samples), chunk_(chunk), rgb_(rgb), rows_(*rows) {}
 
   // Colour and, as the result, transmittance of the pixel whose first ray is `first_ray`.
   float Composite(int first_ray, float colour[3]) {
@@ -34,11 +36,13 @@ class Compositor {
     return transmittance;
   }
 
-  // Fills the gradients of the same rays and adds their distortion to `loss`.
+  // Fills the gradients of the same rays and adds what their weights cost to `loss`.
   void Differentiate(int first_ray, const PixelLoss<float>& pixel, ShardLoss* loss) {
     for (int ray = first_ray; ray < first_ray + plan_.samples_per_pixel; ++ray) {
       const auto [begin, n] = RowsOf(ray);
+      rows_.weight_gradients.assign(static_cast<std::size_t>(n), 0.f);
       if (plan_.distortion > 0) loss->loss += Share() * Distort(ray);
+      if (rays_[static_cast<std::size_t>(ray)].depth > 0) loss->loss += Share() * PullToDepth(ray);
       CompositeGradients(n,
                          rows_.weights.data() + begin,
                          rgb_ + 3 * begin,
@@ -47,7 +51,7 @@ class Compositor {
                          1.f / static_cast<float>(plan_.n_rays),
                          rows_.rgb_gradients.data() + 3 * begin,
                          rows_.tau_gradients.data() + begin,
-                         plan_.distortion > 0 ? rows_.weight_gradients.data() : nullptr);
+                         rows_.weight_gradients.data());
     }
   }
 
@@ -64,22 +68,40 @@ class Compositor {
   // Of one ray in its pixel.
   float Share() const { return 1.f / static_cast<float>(plan_.samples_per_pixel); }
 
-  // Weighted distortion of one ray, whose gradients are left in the rows.
+  // Weighted distortion of one ray, up to infinity, whose gradients are left in the rows.
   float Distort(int ray) {
-    const auto [begin, n] = RowsOf(ray);
+    const std::size_t begin = RowsOf(ray).begin;
     std::vector<float>&places = rows_.places, &lengths = rows_.lengths, &gradients = rows_.weight_gradients;
-    places.clear(), lengths.clear(), gradients.resize(static_cast<std::size_t>(n));
+    places.clear(), lengths.clear();
     for (std::size_t i = samples_.First(ray); i < samples_.First(ray + 1); ++i) {
+      if (std::isinf(samples_.sorted.t[i])) break;
       places.push_back(std::log(samples_.sorted.t[i]));
       lengths.push_back(samples_.sorted.delta[i] / samples_.sorted.t[i]);
     }
-    const float loss =
-        Distortion(n, rows_.weights.data() + begin, places.data(), lengths.data(), gradients.data());
+    const float loss = Distortion(static_cast<int>(places.size()),
+                                  rows_.weights.data() + begin,
+                                  places.data(),
+                                  lengths.data(),
+                                  gradients.data());
     for (float& gradient : gradients) gradient *= plan_.distortion;
     return plan_.distortion * loss;
   }
 
+  // Weighted depth loss of one ray; its gradients are added to those in the rows.
+  float PullToDepth(int ray) {
+    const auto [begin, n] = RowsOf(ray);
+    float loss = 0;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      const float gradient = plan_.depth_weight * DepthPenalty(samples_.sorted.t[samples_.First(ray) + i],
+                                                               rays_[static_cast<std::size_t>(ray)].depth);
+      rows_.weight_gradients[i] += gradient;
+      loss += rows_.weights[begin + i] * gradient;
+    }
+    return loss;
+  }
+
   const BatchPlan& plan_;
+  const std::vector<BatchRay>& rays_;
   const ShardSamples& samples_;
   const RayChunk& chunk_;
   const float* rgb_;
@@ -95,7 +117,7 @@ void CompositePixels(const BatchPlan& plan,
                      const float* rgb,
                      PixelGradients* rows,
                      ShardLoss* loss) {
-  Compositor compositor(plan, samples, chunk, rgb, rows);
+  Compositor compositor(plan, rays, samples, chunk, rgb, rows);
   for (int r = chunk.ray_begin; r < chunk.ray_end; r += plan.samples_per_pixel) {
     const BatchRay& ray = rays[static_cast<std::size_t>(r)];
     float colour[3];

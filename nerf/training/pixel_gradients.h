@@ -1,5 +1,5 @@
 // Compositing of a chunk of rays in training: from opacities and colours of samples to the losses of pixels
-// and their gradients. Equations: volume_rendering.h and distortion.h.
+// and their gradients. Equations: volume_rendering.h, distortion.h and depth_loss.h.
 #pragma once
 
 #include <cstdint>
@@ -31,8 +31,8 @@ struct PixelGradients {
 };
 
 // Composites the rays of `chunk` from rows->tau, rows->weights and rgb [n][3]. A pixel is the mean of its
-// rays. Adds the losses of the pixels, distortion included, to `loss`, and fills the gradients of the mean
-// over all pixels of the batch.
+// rays. Adds the losses of the pixels, distortion and depth included, to `loss`, and fills the gradients of
+// the mean over all pixels of the batch.
 void CompositePixels(const BatchPlan& plan,
                      const std::vector<BatchRay>& rays,
                      const ShardSamples& samples,

@@ -1,7 +1,5 @@
 #include "nerf/training/ray_batch.h"
 
-#include <utility>
-
 #include "io/base/random.h"
 
 namespace nerf {
@@ -20,6 +18,39 @@ PixelTarget TargetOf(const Dataset& dataset, const BatchPlan& plan, std::size_t 
   return target;
 }
 
+// A pixel and what its rays need.
+struct Draw {
+  io::Random random;
+  std::size_t pixel;
+  const SparseDepth* depth;  // null: unknown
+};
+
+Draw DrawPixel(const Dataset& dataset, const BatchPlan& plan, std::uint64_t id) {
+  io::Random random(plan.seed, io::Stream::kRay, plan.step, 2 * id);
+  if (plan.depth_share > 0 && !dataset.depths.empty() && random.Uniform() < plan.depth_share) {
+    const SparseDepth& depth =
+        dataset.depths[random.Below(static_cast<std::uint32_t>(dataset.depths.size()))];
+    return {random, dataset.PixelOf(depth), &depth};
+  }
+  const std::size_t pixel = dataset.UsedPixel(random.Below(static_cast<std::uint32_t>(dataset.n_used())));
+  return {random, pixel, nullptr};
+}
+
+// Ray number k through a drawn pixel.
+Ray RayOf(const Dataset& dataset, const BatchPlan& plan, int k, Draw* draw) {
+  const View& view = dataset.ViewOf(draw->pixel);
+  const int in_view = static_cast<int>(draw->pixel - view.first_pixel), x = in_view % view.width,
+            y = in_view / view.width;
+  if (const SparseDepth* depth = draw->depth) {
+    return view.camera.RayThrough(
+        x, y, depth->x - static_cast<float>(x) - 0.5f, depth->y - static_cast<float>(y) - 0.5f);
+  }
+  const PixelCell cell = CellOfPixel(k, plan.samples_per_pixel);
+  const float u = plan.samples_per_pixel > 1 ? draw->random.Uniform() : 0.5f,
+              v = plan.samples_per_pixel > 1 ? draw->random.Uniform() : 0.5f;
+  return view.camera.RayThrough(x, y, cell.Dx(u), cell.Dy(v));
+}
+
 }  // namespace
 
 void DrawRays(
@@ -29,30 +60,20 @@ void DrawRays(
              shards = static_cast<std::uint64_t>(plan.n_shards);
   const std::uint64_t first = pixels * static_cast<std::uint64_t>(shard) / shards;
   const std::uint64_t last = pixels * static_cast<std::uint64_t>(shard + 1) / shards;
-  const auto n_used = static_cast<std::uint32_t>(dataset.n_used());
   // Pixels lie far apart in memory: reading them one after the other lets the processor wait for several.
-  std::vector<std::pair<io::Random, std::size_t>> draws;
-  for (std::uint64_t id = first; id < last; ++id) {
-    io::Random random(plan.seed, io::Stream::kRay, plan.step, 2 * id);
-    const std::size_t pixel = dataset.UsedPixel(random.Below(n_used));
-    draws.emplace_back(random, pixel);
-  }
+  std::vector<Draw> draws;
+  for (std::uint64_t id = first; id < last; ++id) draws.push_back(DrawPixel(dataset, plan, id));
   std::vector<PixelTarget> targets;
-  for (const auto& draw : draws) targets.push_back(TargetOf(dataset, plan, draw.second));
+  for (const Draw& draw : draws) targets.push_back(TargetOf(dataset, plan, draw.pixel));
   batch->rays.clear();
   for (std::size_t p = 0; p < draws.size(); ++p) {
-    auto& [random, pixel] = draws[p];
-    const View& view = dataset.ViewOf(pixel);
-    const int in_view = static_cast<int>(pixel - view.first_pixel);
-    const float phase = random.Uniform(), share = 1.f / static_cast<float>(plan.samples_per_pixel);
+    const float phase = draws[p].random.Uniform(), share = 1.f / static_cast<float>(plan.samples_per_pixel);
     for (int k = 0; k < plan.samples_per_pixel; ++k) {
-      const PixelCell cell = CellOfPixel(k, plan.samples_per_pixel);
-      const float u = plan.samples_per_pixel > 1 ? random.Uniform() : 0.5f,
-                  v = plan.samples_per_pixel > 1 ? random.Uniform() : 0.5f;
       BatchRay ray{
           .id = (first + p) * samples_per_pixel + static_cast<std::uint64_t>(k),
-          .ray = view.camera.RayThrough(in_view % view.width, in_view / view.width, cell.Dx(u), cell.Dy(v)),
+          .ray = RayOf(dataset, plan, k, &draws[p]),
           .target = targets[p],
+          .depth = draws[p].depth ? draws[p].depth->t : 0,
       };
       sampler.Range(ray.ray, &ray.t, &ray.t_last);
       const float offset = phase + static_cast<float>(k) * share;
@@ -82,6 +103,18 @@ bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch) {
     batch->wave_first.push_back(batch->wave_first.back() + marching.count[i]);
   }
   return wave.size() > 0;
+}
+
+void WaveAtInfinity(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch) {
+  batch->wave_ray.clear();
+  for (std::size_t r = 0; r < batch->rays.size(); ++r) {
+    // Written so that a NaN is kept, to be found in the loss.
+    if (!(batch->rays[r].optical_depth > plan.early_stop_depth))
+      batch->wave_ray.push_back(static_cast<int>(r));
+  }
+  batch->wave.resize(batch->wave_ray.size());
+  for (std::size_t i = 0; i < batch->wave_ray.size(); ++i)
+    sampler.PlaceAtInfinity(batch->rays[static_cast<std::size_t>(batch->wave_ray[i])].ray, i, &batch->wave);
 }
 
 }  // namespace nerf

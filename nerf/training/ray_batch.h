@@ -31,6 +31,11 @@ struct BatchPlan {
   // `hash`: t0. Close to a camera, samples are seen by almost no other view; scaling their gradients by
   // (t / t0)^2 where t < t0 prevents floaters [Philip and Deschaintre 2023]. 0: no scaling.
   float full_gradient_distance = 0;
+  // Rays that leave the scene end at infinity, see SceneField::EndsAtInfinity.
+  bool ends_at_infinity = false;
+  // `hash`: share of the pixels that are drawn among Dataset::depths, and weight of their loss
+  // (depth_loss.h).
+  float depth_share = 0, depth_weight = 0;
   // Optical depth at which a ray ends; the light left over counts as background.
   float early_stop_depth = 6.9f;
   // Samples of a ray in one wave. Its transmittance is looked at after each wave, so at most one wave is
@@ -46,6 +51,7 @@ struct BatchRay {
   std::uint64_t id = 0;  // in the batch
   Ray ray = {};
   PixelTarget target = {};
+  float depth = 0;                             // distance of the sparse point that it goes through; 0: none
   float t = 0, t_last = 0;                     // where marching goes on, and where it ends
   float optical_depth = 0, transmittance = 1;  // so far
   int n_kept = 0;                              // samples whose weight counts
@@ -61,13 +67,17 @@ struct RayBatch {
 };
 
 // Rays of one shard through random used pixels of all pictures, each starting within its first interval at
-// random, those of a pixel staggered evenly. A pixel with one ray is met at its centre.
+// random, those of a pixel staggered evenly. A pixel with one ray is met at its centre, one that was drawn
+// for its depth where the point is.
 void DrawRays(
     const Dataset& dataset, const Sampler& sampler, const BatchPlan& plan, int shard, RayBatch* batch);
 
 // Marches up to plan.wave_samples further samples of every ray that still has light into batch->wave. False:
 // no ray is left.
 bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch);
+
+// The last wave: one sample at infinity for every ray that still has light, ray by ray in batch->wave_ray.
+void WaveAtInfinity(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch);
 
 // With the densities of the wave, calls keep(ray, sample) for the samples whose weight counts, and ends the
 // rays that have become opaque.

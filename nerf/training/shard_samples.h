@@ -59,6 +59,16 @@ void MarchAll(const Sampler& sampler,
       on_keep(i);
     });
   }
+  if (plan.ends_at_infinity) {
+    WaveAtInfinity(sampler, plan, batch);
+    kept->sigma.resize(static_cast<std::size_t>(batch->wave.size()));
+    query(batch->wave, kept->sigma.data());
+    for (std::size_t i = 0; i < batch->wave_ray.size(); ++i) {
+      Keep(batch->wave, i, batch->wave_ray[i], kept);
+      ++batch->rays[static_cast<std::size_t>(batch->wave_ray[i])].n_kept;
+      on_keep(i);
+    }
+  }
   SortByRay(*batch, kept, samples);
 }
 

@@ -11,6 +11,7 @@
 #include "io/base/progress.h"
 #include "nerf/data/hull_pixels.h"
 #include "nerf/data/plain_background.h"
+#include "nerf/data/sparse_depth.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
 #include "nerf/training/training_clock.h"
@@ -118,6 +119,7 @@ void Trainer::MakeField() {
 
 void Trainer::Begin() {
   MarkPlainBackground(&dataset_);
+  if (dataset_.channels == 3) dataset_.depths = SparseDepths(scene_, dataset_);
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   if (std::filesystem::exists(checkpoint)) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);

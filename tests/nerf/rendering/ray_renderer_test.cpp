@@ -136,6 +136,32 @@ TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
 }
 
 // The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
+TEST_F(RayRenderer, UnboundedRaysShowTheFieldAtInfinityBehindWhatTheyPass) {
+  SceneField fog({{0, 0, 0}, 1, true},
+                 {.near = 0, .far = 2, .step_size = 0.01f},
+                 std::make_unique<HashField>(HashFieldOptions{}, 1),
+                 64);
+  const std::span<float> weights = tests::TensorOf(fog.field.get(), "weights");
+  std::fill(weights.begin(), weights.end(), 0.f);
+  fog.field->Refresh();
+  ASSERT_TRUE(fog.EndsAtInfinity());
+  EXPECT_EQ(fog.Background(false, {1, 1, 1}), (std::array<float, 3>{0, 0, 0}));
+  const Ray ray = {{0, 0, 0}, {0, 0, 1}};
+  io::Workers workers(1);
+  for (const bool full : {false, true}) {
+    if (full) {
+      for (std::uint32_t cell = 0; cell < fog.grid.n_cells(); ++cell) fog.grid.SetCandidate(cell);
+      fog.grid.Rebuild();
+    }
+    const double passes = full ? std::exp(-2 * std::exp(-1.0)) : 1;
+    const RenderedRay seen = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers)[0];
+    EXPECT_NEAR(seen.transmittance, passes, 0.01) << "what infinity shows still counts as light that leaves";
+    for (const float c : seen.rgb) EXPECT_NEAR(c, 0.5, 1e-5) << "all light has the colour 0.5";
+    const RenderedRay ended = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers, 5)[0];
+    for (const float c : ended.rgb) EXPECT_NEAR(c, 0.5 * (1 - passes), 0.01) << "it ended before infinity";
+  }
+}
+
 TEST_F(RayRenderer, NotANumberInTheFirstLayerReachesEveryOutput) {
   Fill();
   SetWeights(HashNetwork<float>::kEnd, 0.01f);

@@ -51,6 +51,19 @@ TEST(SceneContraction, InverseAndCentre) {
   for (const float u : unit) EXPECT_TRUE(u >= 0 && u <= 1);
 }
 
+TEST(SceneContraction, RaysEndOnTheFacesWhateverTheirOrigin) {
+  const SceneContraction contraction = Contraction(true);
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    const Ray ray = RandomRay(seed);
+    float end[3], far[3], x[3];
+    contraction.ToUnitAtInfinity(ray.direction, end);
+    for (int i = 0; i < 3; ++i) x[i] = ray.origin[i] + 1e6f * ray.direction[i];
+    contraction.ToUnit(x, far);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(end[i], far[i], 1e-5) << seed;
+    EXPECT_EQ(std::max({std::fabs(end[0] - 0.5f), std::fabs(end[1] - 0.5f), std::fabs(end[2] - 0.5f)}), 0.5f);
+  }
+}
+
 TEST(SceneContraction, NoRayIsFasterThanTheBoundAndSomeReachIt) {
   const SceneContraction contraction = Contraction(true);
   const auto slack = [&](const Ray& ray, float t) {

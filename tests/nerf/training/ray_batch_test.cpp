@@ -147,6 +147,48 @@ TEST(DrawRays, RaysOfAPixelStartStaggeredWithinTheirFirstInterval) {
   }
 }
 
+TEST(DrawRays, AShareGoesThroughSparsePoints) {
+  Dataset dataset = OneView();
+  dataset.depths = {{.view = 0, .x = 2.25f, .y = 1.75f, .t = 3}};
+  const SceneContraction contraction{{0, 0, 0}, 10, false};
+  const OccupancyGrid grid(64, contraction);
+  const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, contraction, grid);
+  RayBatch batch;
+  BatchPlan plan{.seed = 1, .n_rays = 1000, .n_shards = 1, .depth_share = 0.25f};
+  DrawRays(dataset, sampler, plan, 0, &batch);
+  int n_depths = 0;
+  for (const BatchRay& ray : batch.rays) {
+    if (ray.depth == 0) continue;
+    ++n_depths;
+    EXPECT_EQ(ray.depth, 3);
+    EXPECT_NEAR(ImagePoint(ray.ray)[0], 2.25, 1e-5);
+    EXPECT_NEAR(ImagePoint(ray.ray)[1], 1.75, 1e-5);
+    EXPECT_EQ(ray.target.premultiplied[0], 6 / 255.f) << "pixel (2, 1)";
+  }
+  EXPECT_NEAR(n_depths, 250, 50);
+  dataset.depths.clear();
+  DrawRays(dataset, sampler, plan, 0, &batch);
+  for (const BatchRay& ray : batch.rays) EXPECT_EQ(ray.depth, 0);
+}
+
+TEST(WaveAtInfinity, HasOneSampleForEachRayWithLight) {
+  RayBatch batch;
+  batch.rays.resize(3);
+  for (BatchRay& ray : batch.rays) ray.ray = {{1, 2, 3}, {0, 0, -1}};
+  batch.rays[1].optical_depth = 5;
+  batch.rays[2].optical_depth = std::numeric_limits<float>::quiet_NaN();
+  const SceneContraction contraction{{0, 0, 0}, 1, true};
+  const OccupancyGrid grid(64, contraction);
+  const Sampler sampler({}, contraction, grid);
+  WaveAtInfinity(sampler, {.early_stop_depth = 4}, &batch);
+  EXPECT_EQ(batch.wave_ray, (std::vector<int>{0, 2})) << "what is not finite is kept for the loss to find";
+  ASSERT_EQ(batch.wave.size(), 2);
+  EXPECT_EQ(batch.wave.t[0], std::numeric_limits<float>::infinity());
+  EXPECT_EQ(batch.wave.x[0], 0.5f);
+  EXPECT_EQ(batch.wave.y[0], 0.5f);
+  EXPECT_EQ(batch.wave.z[0], 0.f);
+}
+
 TEST(EndWave, DropsWhatCarriesLessWeightThanTheLeast) {
   // Weights 1e-5, about 0.63, 1e-5 e^-1, 0.37 (1 - e^-0.5).
   const std::vector<float> sigma = {1e-5f, 1.f, 1e-5f, 0.5f};

@@ -1,0 +1,35 @@
+#include "nerf/data/sparse_depth.h"
+
+#include <optional>
+
+namespace nerf {
+namespace {
+
+std::optional<SparseDepth> DepthIn(const io::Scene& scene, std::size_t view, const Eigen::Vector3d& point) {
+  const io::Frame& frame = scene.frames[view];
+  const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+  const Eigen::Vector3d in_cam = frame.world_from_cam.Inverse() * point;
+  const std::optional<Eigen::Vector2d> xy = io::ImgFromCam(camera, in_cam);
+  if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < camera.width && xy->y() < camera.height)) return {};
+  return SparseDepth{.view = view,
+                     .x = static_cast<float>(xy->x()),
+                     .y = static_cast<float>(xy->y()),
+                     .t = static_cast<float>(in_cam.norm())};
+}
+
+}  // namespace
+
+std::vector<SparseDepth> SparseDepths(const io::Scene& scene, const Dataset& dataset) {
+  const std::vector<bool> used = dataset.UsedPixels();
+  std::vector<SparseDepth> depths;
+  for (const io::Point3D& point : scene.points) {
+    if (point.frame_indices.size() < kMinObservers) continue;
+    for (const int frame : point.frame_indices) {
+      const std::optional<SparseDepth> depth = DepthIn(scene, static_cast<std::size_t>(frame), point.xyz);
+      if (depth && (used.empty() || used[dataset.PixelOf(*depth)])) depths.push_back(*depth);
+    }
+  }
+  return depths;
+}
+
+}  // namespace nerf
