@@ -28,8 +28,8 @@ struct SceneField {
   SceneField(const SceneField&) = delete;  // the grid refers to the contraction
 
   // Whether a ray that leaves the scene ends at infinity, on an opaque sample there, which has a colour as
-  // any other. What moves by no parallax, such as sky or a dark room around a lit subject, is then explained
-  // far away, instead of by walls and fog before each camera.
+  // any other. What has no parallax, such as sky or a dark room around a lit subject, is then explained
+  // far away instead of by walls and fog before each camera.
   bool EndsAtInfinity() const { return contraction.unbounded && field->kind() == FieldKind::kHash; }
   // What shows where light leaves the scene: what was told apart in the pictures; `chosen` where their alpha
   // left it free; black for rays that end at infinity, whose light is complete; else the mean of all
