@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -26,6 +28,8 @@ constexpr double kMinStep = 1e-4;
 // Points farther out, in half sides of the cube, are left alone: contracted, they lie on its faces.
 constexpr float kMaxReach = 1e6f;
 constexpr float kLineCells = 3;
+// Points are dealt out to so many groups.
+constexpr std::size_t kGroups = 16;
 
 // Marks the cells along sight lines.
 class LineMarker {
@@ -93,11 +97,21 @@ void MarkLinesTo(const io::Point3D& point, const std::vector<Eigen::Vector3f>& c
     origins.push_back(cameras[static_cast<std::size_t>(frame)]);
     directions.push_back((x - origins.back()).normalized());
   }
+  std::set<std::pair<std::size_t, std::size_t>> pairs;
   for (std::size_t i = 0; i < origins.size(); ++i) {
     marker->Mark(origins[i], x);
-    for (const std::size_t partner : Partners(directions, i))
-      marker->MarkBetween(origins[i], origins[partner], x);
+    for (const std::size_t partner : Partners(directions, i)) pairs.insert(std::minmax(i, partner));
   }
+  for (const auto& [a, b] : pairs) marker->MarkBetween(origins[a], origins[b], x);
+}
+
+// Cells of two sets or more.
+CellSet CellsOfTwo(const std::vector<CellSet>& sets) {
+  CellSet one(sets[0].size(), 0), two = one;
+  for (const CellSet& set : sets) {
+    for (std::size_t i = 0; i < set.size(); ++i) two[i] |= one[i] & set[i], one[i] |= set[i];
+  }
+  return two;
 }
 
 }  // namespace
@@ -120,24 +134,23 @@ std::size_t CarveBySightLines(const io::Scene& scene,
     Insert(grid->CellAt(unit), &surface);
     points.push_back(&point);
   }
-  std::vector<CellSet> sets(static_cast<std::size_t>(workers->n_threads()), EmptyCellSet(grid->resolution()));
-  std::vector<LineMarker> markers;
-  for (CellSet& set : sets) markers.emplace_back(contraction, *grid, &set);
-  workers->Run(static_cast<int>(points.size()), [&](int task, int thread) {
-    MarkLinesTo(*points[static_cast<std::size_t>(task)], cameras, &markers[static_cast<std::size_t>(thread)]);
+  std::vector<CellSet> lines(kGroups, EmptyCellSet(grid->resolution()));
+  std::vector<std::size_t> n_lines(kGroups, 0);
+  workers->Run(static_cast<int>(kGroups), [&](int task, int) {
+    const auto group = static_cast<std::size_t>(task);
+    LineMarker marker(contraction, *grid, &lines[group]);
+    for (std::size_t i = group; i < points.size(); i += kGroups) MarkLinesTo(*points[i], cameras, &marker);
+    n_lines[group] = marker.n_lines();
+    CellSet scratch = lines[group];
+    Dilate(grid->resolution(), &lines[group], &scratch);
   });
-  std::size_t n_lines = 0;
-  for (const LineMarker& marker : markers) n_lines += marker.n_lines();
-  CellSet free = EmptyCellSet(grid->resolution()), scratch = free;
-  for (const CellSet& set : sets) {
-    for (std::size_t i = 0; i < free.size(); ++i) free[i] |= set[i];
-  }
-  Dilate(grid->resolution(), &free, &scratch);
+  const CellSet free = CellsOfTwo(lines);
+  CellSet scratch = surface;
   Dilate(grid->resolution(), &surface, &scratch);
   for (std::uint32_t cell = 0; cell < grid->n_cells(); ++cell) {
     if ((free[cell / 64] & ~surface[cell / 64]) >> cell % 64 & 1) grid->SetEmpty(cell);
   }
-  return n_lines;
+  return std::accumulate(n_lines.begin(), n_lines.end(), std::size_t{0});
 }
 
 }  // namespace nerf

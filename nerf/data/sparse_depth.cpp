@@ -1,5 +1,6 @@
 #include "nerf/data/sparse_depth.h"
 
+#include <cmath>
 #include <optional>
 
 namespace nerf {
@@ -10,11 +11,16 @@ std::optional<SparseDepth> DepthIn(const io::Scene& scene, std::size_t view, con
   const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
   const Eigen::Vector3d in_cam = frame.world_from_cam.Inverse() * point;
   const std::optional<Eigen::Vector2d> xy = io::ImgFromCam(camera, in_cam);
-  if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < camera.width && xy->y() < camera.height)) return {};
-  return SparseDepth{.view = view,
-                     .x = static_cast<float>(xy->x()),
-                     .y = static_cast<float>(xy->y()),
-                     .t = static_cast<float>(in_cam.norm())};
+  if (!xy) return {};
+  // Compared after rounding: a pixel is looked up with these values.
+  const SparseDepth depth{.view = view,
+                          .x = static_cast<float>(xy->x()),
+                          .y = static_cast<float>(xy->y()),
+                          .t = static_cast<float>(in_cam.norm())};
+  const bool inside = depth.x >= 0 && depth.y >= 0 && depth.x < static_cast<float>(camera.width) &&
+                      depth.y < static_cast<float>(camera.height);
+  if (!inside || !(depth.t > 0) || !std::isfinite(depth.t)) return {};
+  return depth;
 }
 
 }  // namespace

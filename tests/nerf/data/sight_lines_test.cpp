@@ -21,6 +21,12 @@ io::Scene RowOfCameras(int n) {
   return scene;
 }
 
+// Two points side by side: one alone is not believed.
+void AddPoints(const Vector3d& xyz, const std::vector<int>& frame_indices, io::Scene* scene) {
+  for (const double aside : {0.0, 1e-3})
+    scene->points.push_back({.xyz = xyz + Vector3d(aside, 0, 0), .frame_indices = frame_indices});
+}
+
 struct Carving {
   Carving(const io::Scene& scene, bool unbounded, int threads)
       : contraction{{0, 0, 0}, unbounded ? 1.f : 4.f, unbounded}, grid(64, contraction) {
@@ -43,9 +49,9 @@ struct Carving {
 TEST(CarveBySightLines, LinesAreFreeSurfacesAndWhatLiesBehindAreNot) {
   for (const bool unbounded : {false, true}) {
     io::Scene scene = RowOfCameras(3);
-    scene.points.push_back({.xyz = {0.2, 0.1, 0.3}, .frame_indices = {0, 1, 2}});
+    AddPoints({0.2, 0.1, 0.3}, {0, 1, 2}, &scene);
     const Carving carving(scene, unbounded, 2);
-    EXPECT_GT(carving.n_lines, 3u);
+    EXPECT_GT(carving.n_lines, 6u);
     const Vector3d point = scene.points[0].xyz;
     for (const io::Frame& frame : scene.frames) {
       const Vector3d camera = frame.world_from_cam.translation;
@@ -62,17 +68,26 @@ TEST(CarveBySightLines, LinesAreFreeSurfacesAndWhatLiesBehindAreNot) {
 TEST(CarveBySightLines, TheViewStaysFreeBetweenTwoCamerasButNotFarApart) {
   io::Scene scene = RowOfCameras(9);
   // Seen from -2 and -0.5, 26 degrees apart, and from 2 and 0.5.
-  scene.points.push_back({.xyz = {0, 0, 0}, .frame_indices = {0, 3, 5, 8}});
+  AddPoints({0, 0, 0}, {0, 3, 5, 8}, &scene);
   EXPECT_TRUE(Carving(scene, false, 1).IsFree({-1.2, -2.9, 0}));
   scene.frames[0].world_from_cam.translation = {-3, -0.5, 0};
   scene.frames[3].world_from_cam.translation = {3, -0.5, 0};
-  scene.points[0].frame_indices = {0, 1, 3};
+  scene.points[0].frame_indices = scene.points[1].frame_indices = {0, 1, 3};
   EXPECT_FALSE(Carving(scene, false, 1).IsFree({0, -0.5, 0}));
+}
+
+// A point that was matched wrongly may lie anywhere, behind a wall too.
+TEST(CarveBySightLines, ASinglePointIsNotBelieved) {
+  io::Scene scene = RowOfCameras(3);
+  scene.points.push_back({.xyz = {0, 1, 0}, .frame_indices = {0, 1, 2}});
+  EXPECT_FALSE(Carving(scene, false, 1).IsFree({0, -1, 0}));
+  scene.points.push_back({.xyz = {0, 1.1, 0}, .frame_indices = {0, 1, 2}});
+  EXPECT_TRUE(Carving(scene, false, 1).IsFree({0, -1, 0}));
 }
 
 TEST(CarveBySightLines, CellsWithPointsStayWhateverCrossesThem) {
   io::Scene scene = RowOfCameras(3);
-  scene.points.push_back({.xyz = {0, 1, 0}, .frame_indices = {0, 1, 2}});
+  AddPoints({0, 1, 0}, {0, 1, 2}, &scene);
   const Vector3d between(0, -1, 0);
   EXPECT_TRUE(Carving(scene, false, 1).IsFree(between));
   scene.points.push_back({.xyz = between, .frame_indices = {0, 1, 2}});
@@ -93,11 +108,11 @@ TEST(CarveBySightLines, PointsWithFewOrUnknownObserversSayNothing) {
 TEST(CarveBySightLines, PointsAndCamerasFarOutEndToo) {
   io::Scene scene = RowOfCameras(3);
   scene.frames[0].world_from_cam.translation = {0, -1e7, 0};
-  scene.points.push_back({.xyz = {0, 1.2e6, 0}, .frame_indices = {0, 1, 2}});
-  scene.points.push_back({.xyz = {0, 2e6, 0}, .frame_indices = {0, 1, 2}});
-  scene.points.push_back({.xyz = {1e30, 0, 0}, .frame_indices = {0, 1, 2}});
-  scene.points.push_back({.xyz = {0.2, 0.1, 0.3}, .frame_indices = {0, 1, 2}});
-  const Vector3d half_way = 0.5 * (scene.frames[1].world_from_cam.translation + scene.points[3].xyz);
+  AddPoints({0, 1.2e6, 0}, {0, 1, 2}, &scene);
+  AddPoints({0, 2e6, 0}, {0, 1, 2}, &scene);
+  AddPoints({1e30, 0, 0}, {0, 1, 2}, &scene);
+  AddPoints({0.2, 0.1, 0.3}, {0, 1, 2}, &scene);
+  const Vector3d half_way = 0.5 * (scene.frames[1].world_from_cam.translation + scene.points.back().xyz);
   EXPECT_TRUE(Carving(scene, true, 2).IsFree(half_way));
 }
 

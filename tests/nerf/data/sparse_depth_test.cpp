@@ -8,7 +8,7 @@
 namespace nerf {
 namespace {
 
-// Three cameras at the origin's side, 4 x 4 pixels, looking along -z.
+// Three cameras of 4 x 4 pixels, in a row from the origin along +x, looking along -z.
 io::Scene ThreeCameras() {
   io::Scene scene;
   io::Camera camera;
@@ -55,6 +55,17 @@ TEST(SparseDepths, OfFewObserversOutsideThePictureOrBehindTheCameraAreLeftOut) {
   scene.points.push_back({.xyz = {0.5, 0.25, -2}, .frame_indices = {}});
   scene.points.push_back({.xyz = {0.5, 0.25, 2}, .frame_indices = {0, 1, 2}});
   scene.points.push_back({.xyz = {0.5, 9, -2}, .frame_indices = {0, 1, 2}});
+  EXPECT_TRUE(SparseDepths(scene, DatasetOf(scene)).empty());
+}
+
+// In double the first point lies before the picture's right edge, in float on it. The others are so far or so
+// near that their distance is no float.
+TEST(SparseDepths, ThatFloatCannotHoldAreLeftOut) {
+  io::Scene scene = ThreeCameras();
+  for (io::Frame& frame : scene.frames) frame.world_from_cam.translation.setZero();
+  scene.points.push_back({.xyz = {2 - 1e-9, 0, -2}, .frame_indices = {0, 1, 2}});
+  scene.points.push_back({.xyz = {0, 0, -1e60}, .frame_indices = {0, 1, 2}});
+  scene.points.push_back({.xyz = {0, 0, -1e-60}, .frame_indices = {0, 1, 2}});
   EXPECT_TRUE(SparseDepths(scene, DatasetOf(scene)).empty());
 }
 

@@ -135,7 +135,6 @@ TEST_F(RayRenderer, EmptySpaceShowsExactlyTheBackgroundAtTheEndOfTheRay) {
   EXPECT_EQ(inside.depth, 150.f);
 }
 
-// The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
 TEST_F(RayRenderer, UnboundedRaysShowTheFieldAtInfinityBehindWhatTheyPass) {
   SceneField fog({{0, 0, 0}, 1, true},
                  {.near = 0, .far = 2, .step_size = 0.01f},
@@ -162,6 +161,7 @@ TEST_F(RayRenderer, UnboundedRaysShowTheFieldAtInfinityBehindWhatTheyPass) {
   }
 }
 
+// The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.
 TEST_F(RayRenderer, NotANumberInTheFirstLayerReachesEveryOutput) {
   Fill();
   SetWeights(HashNetwork<float>::kEnd, 0.01f);
