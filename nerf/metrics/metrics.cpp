@@ -100,6 +100,29 @@ double MeanSquaredError(const io::Image& a, const io::Image& b, const io::Mask& 
   return static_cast<double>(sum) / (255.0 * 255.0 * static_cast<double>(n));
 }
 
+// With a the truth, b the render and g = sum(a b) / sum(b^2): sum((a - g b)^2) = sum(a^2) - sum(a b)^2 /
+// sum(b^2).
+double ColourAlignedError(const io::Image& truth, const io::Image& render, const io::Mask& mask) {
+  RequireComparable(truth, render);
+  RequireFitting(mask, truth);
+  double sum = 0;
+  std::size_t n = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    std::uint64_t aa = 0, bb = 0, ab = 0;
+    for (std::size_t i = c; i < truth.data.size(); i += 3) {
+      if (!mask.Uses(i / 3)) continue;
+      const std::uint64_t a = truth.data[i], b = render.data[i];
+      aa += a * a, bb += b * b, ab += a * b;
+      ++n;
+    }
+    const double explained =
+        bb > 0 ? static_cast<double>(ab) / static_cast<double>(bb) * static_cast<double>(ab) : 0;
+    // Rounding may leave a perfect fit slightly below zero.
+    sum += std::max(0.0, static_cast<double>(aa) - explained);
+  }
+  return sum / (255.0 * 255.0 * static_cast<double>(n));
+}
+
 double PsnrFromMse(double mse) { return -10.0 * std::log10(std::max(mse, kMinMse)); }
 
 double Ssim(const io::Image& a, const io::Image& b, const io::Mask& mask) {

@@ -14,6 +14,10 @@ inline constexpr double kMaxPsnrDb = 120.0;
 // Mean over used pixels and channels of (a - b)^2, with values v / 255 in [0, 1].
 double MeanSquaredError(const io::Image& a, const io::Image& b, const io::Mask& mask = {});
 
+// The same between `truth` and `render` whose channels were scaled by the gains that make it smallest, those
+// of least squares: what is left when exposure and white balance do not count.
+double ColourAlignedError(const io::Image& truth, const io::Image& render, const io::Mask& mask = {});
+
 // -10 log10(mse), at most kMaxPsnrDb.
 double PsnrFromMse(double mse);
 

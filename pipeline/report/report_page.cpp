@@ -65,6 +65,8 @@ std::string Headlines(const ReportData& data) {
   if (data.has_scores) {
     html +=
         Card(fmt::format("{:.2f} dB", data.scores.psnr_db), "PSNR on unseen views, " + data.scores.protocol);
+    html +=
+        Card(fmt::format("{:.2f} dB", data.scores.aligned_psnr_db), "PSNR with exposure and colour aligned");
     html += Card(fmt::format("{:.3f}", data.scores.ssim), "SSIM, 1 is perfect");
     html += Card(fmt::format("{:.3f}", data.scores.flip), "FLIP, 0 is perfect");
   }
@@ -154,8 +156,10 @@ std::string ViewsSection(const ReportData& data) {
     ++rank;
     rows += "<tr><td class=\"name\">" + EscapeHtml(view.score.name) + "</td>" +
             fmt::format(
-                "<td class=\"n\">{:.2f}</td><td class=\"n\">{:.4f}</td><td class=\"n\">{:.4f}</td></tr>\n",
+                "<td class=\"n\">{:.2f}</td><td class=\"n\">{:.2f}</td><td class=\"n\">{:.4f}</td>"
+                "<td class=\"n\">{:.4f}</td></tr>\n",
                 view.score.psnr_db,
+                view.score.aligned_psnr_db,
                 view.score.ssim,
                 view.score.flip);
     if (!view.pictures) continue;
@@ -170,7 +174,8 @@ std::string ViewsSection(const ReportData& data) {
     html += fmt::format("<details><summary>{} more</summary>\n", n_folded) + folded + "</details>\n";
   return html +
          "<details><summary>All figures</summary><div class=\"scroll\"><table><tr><th>picture</th><th "
-         "class=\"n\">PSNR, dB</th><th class=\"n\">SSIM</th><th class=\"n\">FLIP</th></tr>\n" +
+         "class=\"n\">PSNR, dB</th><th class=\"n\">colours aligned, dB</th><th class=\"n\">SSIM</th><th "
+         "class=\"n\">FLIP</th></tr>\n" +
          rows + "</table></div></details>\n";
 }
 

@@ -40,18 +40,18 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
-  std::printf(
-      "%s",
-      fmt::format(
-          "evaluate: {} held-out views ({}): PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
-          scores.views.size(),
-          scores.protocol,
-          scores.psnr_db,
-          scores.ssim,
-          scores.flip,
-          worst.name,
-          worst.psnr_db)
-          .c_str());
+  std::printf("%s",
+              fmt::format("evaluate: {} held-out views ({}): PSNR {:.2f} dB (colours aligned {:.2f}), SSIM "
+                          "{:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
+                          scores.views.size(),
+                          scores.protocol,
+                          scores.psnr_db,
+                          scores.aligned_psnr_db,
+                          scores.ssim,
+                          scores.flip,
+                          worst.name,
+                          worst.psnr_db)
+                  .c_str());
   const Verdict verdict = Judge(scores);
   if (verdict.outcome != Outcome::kReconstructed)
     stage.Decide(std::string(verdict.outcome == Outcome::kFailed ? "not reconstructed: " : "doubtful: ") +
@@ -65,6 +65,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   stage.Set("protocol", scores.protocol);
   stage.Set("views", static_cast<double>(scores.views.size()));
   stage.Set("psnr", scores.psnr_db);
+  stage.Set("colour_aligned_psnr", scores.aligned_psnr_db);
   stage.Set("ssim", scores.ssim);
   stage.Set("flip", scores.flip);
   stage.Finish();

@@ -92,6 +92,7 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double*
   *plain_psnr = PlainPsnr(truth, mask);
   score.identical = *mse == 0;
   score.psnr_db = nerf::PsnrFromMse(*mse);
+  score.aligned_psnr_db = nerf::PsnrFromMse(nerf::ColourAlignedError(truth, render, mask));
   score.ssim = nerf::Ssim(truth, render, mask);
   score.flip = nerf::Flip(truth, render, {}, mask).mean;
   return score;
@@ -203,6 +204,7 @@ Scores ScoreViews(const io::Scene& test, const fs::path& folder, const Evaluatio
     result.psnr_db += view.psnr_db / n;
     result.ssim += view.ssim / n;
     result.flip += view.flip / n;
+    result.aligned_psnr_db += view.aligned_psnr_db / n;
     mean_mse += mses[i] / n;
   }
   result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mean_mse);

@@ -25,7 +25,9 @@ constexpr char kOnWhite[] = "white, straight alpha composited before scoring";
 std::string CsvLine(const ViewScore& view) {
   std::string line = "\"";
   for (const char c : view.name) line += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return line + fmt::format("\",{:.4f},{:.6f},{:.6f}\n", view.psnr_db, view.ssim, view.flip);
+  return line +
+         fmt::format(
+             "\",{:.4f},{:.6f},{:.6f},{:.4f}\n", view.psnr_db, view.ssim, view.flip, view.aligned_psnr_db);
 }
 
 double NumberAt(const JsonReader& json, const char* key) {
@@ -63,11 +65,16 @@ void WriteScores(const Scores& scores, const fs::path& folder) {
   json["ssim"] = scores.ssim;
   json["flip"] = scores.flip;
   json["psnr_of_mean_mse"] = scores.psnr_of_mean_mse_db;
+  json["colour_aligned_psnr"] = scores.aligned_psnr_db;
   if (scores.training_psnr_db) json["training_psnr_median"] = *scores.training_psnr_db;
   if (scores.plain_psnr_db) json["one_colour_psnr_median"] = *scores.plain_psnr_db;
-  std::string csv = "name,psnr,ssim,flip\n";
+  std::string csv = "name,psnr,ssim,flip,colour_aligned_psnr\n";
   for (const ViewScore& view : scores.views) {
-    Json entry = {{"name", view.name}, {"psnr", view.psnr_db}, {"ssim", view.ssim}, {"flip", view.flip}};
+    Json entry = {{"name", view.name},
+                  {"psnr", view.psnr_db},
+                  {"ssim", view.ssim},
+                  {"flip", view.flip},
+                  {"colour_aligned_psnr", view.aligned_psnr_db}};
     if (view.identical) entry["identical"] = true;
     json["images"].push_back(entry);
     csv += CsvLine(view);
@@ -89,6 +96,7 @@ Scores ReadScores(const fs::path& folder) {
   scores.ssim = NumberAt(json, "ssim");
   scores.flip = NumberAt(json, "flip");
   scores.psnr_of_mean_mse_db = NumberAt(json, "psnr_of_mean_mse");
+  scores.aligned_psnr_db = NumberAt(json, "colour_aligned_psnr");
   if (json.Has("training_psnr_median")) scores.training_psnr_db = NumberAt(json, "training_psnr_median");
   if (json.Has("one_colour_psnr_median")) scores.plain_psnr_db = NumberAt(json, "one_colour_psnr_median");
   const JsonReader views = json.At("images");
@@ -98,6 +106,7 @@ Scores ReadScores(const fs::path& folder) {
                             .psnr_db = NumberAt(view, "psnr"),
                             .ssim = NumberAt(view, "ssim"),
                             .flip = NumberAt(view, "flip"),
+                            .aligned_psnr_db = NumberAt(view, "colour_aligned_psnr"),
                             .identical = FlagAt(view, "identical")});
   }
   return scores;

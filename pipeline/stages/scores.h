@@ -11,7 +11,8 @@ namespace pipeline {
 struct ViewScore {
   std::string name;  // file name of the held-out picture
   double psnr_db = 0, ssim = 0, flip = 0;
-  bool identical = false;  // render equals truth in every bit; PSNR is then the cap, nerf::kMaxPsnrDb
+  double aligned_psnr_db = 0;  // with the colours aligned, see nerf::ColourAlignedError
+  bool identical = false;      // render equals truth in every bit; PSNR is then the cap, nerf::kMaxPsnrDb
 };
 
 struct Scores {
@@ -21,7 +22,7 @@ struct Scores {
   bool masked = false;                     // a view has a mask; all figures are over used pixels
   std::vector<ViewScore> views;            // in the order of the scene's frames
   double psnr_db = 0, ssim = 0, flip = 0;  // means over the views
-  double psnr_of_mean_mse_db = 0;
+  double psnr_of_mean_mse_db = 0, aligned_psnr_db = 0;
   // Medians: of some training pictures, and of held-out pictures replaced by their own mean colour.
   std::optional<double> training_psnr_db, plain_psnr_db;
 

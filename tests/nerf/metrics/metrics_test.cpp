@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -72,6 +73,39 @@ TEST(Psnr, IdenticalPicturesStayFinite) {
 
 TEST(Psnr, OneGreyLevelInFiveMegapixelsIsBelowTheCap) {
   EXPECT_LT(nerf::PsnrFromMse(1 / (255.0 * 255.0 * 3 * 5e6)), nerf::kMaxPsnrDb);
+}
+
+// Channels of 40, 80 and 120 against 20, 100 and 120: gains of 2, 0.8 and 1.
+TEST(ColourAlignedError, AGainPerChannelCostsNothing) {
+  io::Image truth = io::MakeImage(4, 2, 3), render = truth;
+  const std::uint8_t a[] = {40, 80, 120}, b[] = {20, 100, 120};
+  for (std::size_t i = 0; i < truth.data.size(); ++i) truth.data[i] = a[i % 3], render.data[i] = b[i % 3];
+  EXPECT_GT(nerf::MeanSquaredError(truth, render), 1e-3);
+  EXPECT_NEAR(nerf::ColourAlignedError(truth, render), 0, 1e-12);
+}
+
+TEST(ColourAlignedError, IsTheLeastOverAllGains) {
+  const io::Image truth = Noise(16, 16, 1), render = Noise(16, 16, 2);
+  io::Mask mask{16, 16, std::vector<std::uint8_t>(256, 1)};
+  for (std::size_t i = 0; i < 100; ++i) mask.used[i] = 0;
+  double least = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    double channel = 1e30;
+    for (double gain = 0.5; gain < 1.5; gain += 1e-4) {
+      double sum = 0;
+      for (std::size_t i = 0; i < 256; ++i) {
+        const double difference = truth.data[3 * i + c] / 255.0 - gain * render.data[3 * i + c] / 255.0;
+        if (mask.Uses(i)) sum += difference * difference;
+      }
+      channel = std::min(channel, sum);
+    }
+    least += channel / (3 * 156);
+  }
+  EXPECT_NEAR(nerf::ColourAlignedError(truth, render, mask), least, 1e-8);
+}
+
+TEST(ColourAlignedError, ABlackRenderIsAsFarAsIt) {
+  EXPECT_NEAR(nerf::ColourAlignedError(Constant(8, 8, 51), Constant(8, 8, 0)), 0.04, 1e-12);
 }
 
 TEST(Metrics, PicturesOfDifferentShapeAreRefused) {

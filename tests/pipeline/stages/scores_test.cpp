@@ -13,19 +13,26 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 pipeline::Scores TwoViews() {
-  return {.protocol = "nerf-400-white",
-          .width = 400,
-          .height = 300,
-          .white_background = true,
-          .masked = true,
-          .views = {{.name = "b \"1\".png", .psnr_db = 120, .ssim = 1, .flip = 0, .identical = true},
-                    {.name = "a.png", .psnr_db = 100.0 / 3, .ssim = 0.97, .flip = 0.04}},
-          .psnr_db = 230.0 / 3,
-          .ssim = 0.985,
-          .flip = 0.02,
-          .psnr_of_mean_mse_db = 36.3,
-          .training_psnr_db = 77.5,
-          .plain_psnr_db = 9.25};
+  return {
+      .protocol = "nerf-400-white",
+      .width = 400,
+      .height = 300,
+      .white_background = true,
+      .masked = true,
+      .views = {{.name = "b \"1\".png",
+                 .psnr_db = 120,
+                 .ssim = 1,
+                 .flip = 0,
+                 .aligned_psnr_db = 120,
+                 .identical = true},
+                {.name = "a.png", .psnr_db = 100.0 / 3, .ssim = 0.97, .flip = 0.04, .aligned_psnr_db = 35}},
+      .psnr_db = 230.0 / 3,
+      .ssim = 0.985,
+      .flip = 0.02,
+      .psnr_of_mean_mse_db = 36.3,
+      .aligned_psnr_db = 77.5,
+      .training_psnr_db = 78.5,
+      .plain_psnr_db = 9.25};
 }
 
 TEST(Scores, WrittenOnesComeBack) {
@@ -42,6 +49,7 @@ TEST(Scores, WrittenOnesComeBack) {
   EXPECT_EQ(read.ssim, written.ssim);
   EXPECT_EQ(read.flip, written.flip);
   EXPECT_EQ(read.psnr_of_mean_mse_db, written.psnr_of_mean_mse_db);
+  EXPECT_EQ(read.aligned_psnr_db, written.aligned_psnr_db);
   EXPECT_EQ(read.training_psnr_db, written.training_psnr_db);
   EXPECT_EQ(read.plain_psnr_db, written.plain_psnr_db);
   ASSERT_EQ(read.views.size(), written.views.size());
@@ -50,10 +58,11 @@ TEST(Scores, WrittenOnesComeBack) {
     EXPECT_EQ(read.views[i].psnr_db, written.views[i].psnr_db);
     EXPECT_EQ(read.views[i].ssim, written.views[i].ssim);
     EXPECT_EQ(read.views[i].flip, written.views[i].flip);
+    EXPECT_EQ(read.views[i].aligned_psnr_db, written.views[i].aligned_psnr_db);
     EXPECT_EQ(read.views[i].identical, written.views[i].identical);
   }
   EXPECT_EQ(read.WorstFirst(), (std::vector<int>{1, 0}));
-  EXPECT_NE(ReadText(dir / "per_image.csv").find("\"b \"\"1\"\".png\",120.0000,1.000000,0.000000\n"),
+  EXPECT_NE(ReadText(dir / "per_image.csv").find("\"b \"\"1\"\".png\",120.0000,1.000000,0.000000,120.0000\n"),
             std::string::npos);
 }
 
