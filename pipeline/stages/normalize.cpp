@@ -23,6 +23,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/heldout_split.h"
 #include "pipeline/stages/pose_source.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stage_options.h"
@@ -39,7 +40,7 @@ constexpr double kBlenderHalfSide = 1.5;
 constexpr std::size_t kMaxNamed = 5;  // missing pictures named on the terminal; scene.json lists them all
 
 // Frames in natural order of their names, with a split each.
-void SplitFrames(int holdout_every, PoseSource* source, StageRun* stage) {
+void SplitFrames(const NormalizeFlags& options, PoseSource* source, StageRun* stage) {
   const std::vector<io::Frame> frames = source->scene.frames;
   const std::vector<std::string> given = source->splits;
   std::vector<std::size_t> order(frames.size());
@@ -51,15 +52,22 @@ void SplitFrames(int holdout_every, PoseSource* source, StageRun* stage) {
   std::vector<int> new_index(frames.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
     new_index[order[i]] = static_cast<int>(i);
-    const bool is_held_out = i % static_cast<std::size_t>(holdout_every) == 0;
     source->scene.frames[i] = frames[order[i]];
-    source->splits[i] = !given.empty() ? given[order[i]] : is_held_out ? "test" : "train";
+    if (!given.empty()) source->splits[i] = given[order[i]];
   }
   io::RenumberObservers(new_index, &source->scene.points);
-  stage->Decide(
-      given.empty()
-          ? fmt::format("split: every {}th picture in natural order is held out for testing", holdout_every)
-          : "split: kept as given");
+  if (!given.empty()) {
+    stage->Decide("split: kept as given");
+    return;
+  }
+  const std::vector<bool> is_held_out =
+      HeldOutFrames(source->scene.frames, options.holdout, options.holdout_every);
+  for (std::size_t i = 0; i < frames.size(); ++i) source->splits[i] = is_held_out[i] ? "test" : "train";
+  stage->Decide(options.holdout == "sector"
+                    ? fmt::format("split: one side of the capture, {} pictures, is held out for testing",
+                                  std::count(is_held_out.begin(), is_held_out.end(), true))
+                    : fmt::format("split: every {}th picture in natural order is held out for testing",
+                                  options.holdout_every));
 }
 
 // Equal pictures in train and test make every score worthless.
@@ -192,10 +200,12 @@ void WriteSplits(const PoseSource& source, const fs::path& folder) {
 }
 
 // "nerf-400-white" and "nerf-800-white" are the protocols of published numbers; other sizes are named alike.
-std::string ProtocolName(const PoseSource& source) {
+std::string ProtocolName(const PoseSource& source, bool is_sector) {
   const io::Camera& camera = source.scene.cameras[0];
   const int longest = std::max(camera.width, camera.height);
-  return source.is_blender ? fmt::format("nerf-{}-white", longest) : "capture";
+  return source.is_blender ? fmt::format("nerf-{}-white", longest)
+         : is_sector       ? "capture, sector"
+                           : "capture";
 }
 
 // Moves the scene; keeps it, and reports nothing, when it already lies as it should.
@@ -241,7 +251,7 @@ void Normalize(const CommonOptions& common, const NormalizeFlags& options, const
                                         source.scene.cameras.end(),
                                         [](const io::Camera& camera) { return camera.HasDistortion(); });
   const bool is_split_given = !source.splits.empty();
-  SplitFrames(options.holdout_every, &source, &stage);
+  SplitFrames(options, &source, &stage);
   WarnOfLeakage(source, &stage);
   const std::vector<fs::path> names = PictureNames(source, is_split_given);
   if (is_distorted) {
@@ -256,7 +266,8 @@ void Normalize(const CommonOptions& common, const NormalizeFlags& options, const
   fs::remove_all(undistorted);
   const io::Camera& camera = source.scene.cameras[0];
   stage.Decide(fmt::format("pictures: {} x {} for training", camera.width, camera.height));
-  record.protocol = ProtocolName(source);  // names the size of the written pictures
+  record.protocol = ProtocolName(
+      source, !is_split_given && options.holdout == "sector");  // names the size of the written pictures
   record.masks = CountMasks(source.scene);
   if (record.masks > 0) {
     stage.Decide(fmt::format("masks: for {} of {} pictures; training and scores use {} % of all pixels",

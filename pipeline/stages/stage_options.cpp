@@ -40,7 +40,11 @@ void AddNormalizeOptions(Options* options, NormalizeFlags* normalize) {
   options->Add("images", &normalize->images, "pictures of a COLMAP model; if not given, searched beside it");
   options->Add(
       "image-size", &normalize->image_size, "longest side for training, pixels; 0 = keep", {.min = 0});
-  options->Add("holdout-every", &normalize->holdout_every, "every n-th picture is a test view", {.min = 2});
+  options->Add("holdout",
+               &normalize->holdout,
+               "test views: every n-th picture, or a sector of as many, one side of the capture",
+               {.choices = {"every", "sector"}});
+  options->Add("holdout-every", &normalize->holdout_every, "one in n pictures is a test view", {.min = 2});
 }
 
 void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate) {

@@ -15,6 +15,7 @@ namespace pipeline {
 struct NormalizeFlags {
   std::filesystem::path poses, images;
   int image_size = 512;  // longest side [px]; 0: keep
+  std::string holdout = "every";
   int holdout_every = 8;
 };
 

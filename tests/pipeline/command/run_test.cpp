@@ -126,6 +126,7 @@ TEST_F(FakeStages, OptionsReachTheirStagesAndAreRecorded) {
                       "--max-size=800",
                       "--features=512",
                       "--image-size=300",
+                      "--holdout=sector",
                       "--holdout-every=4",
                       "--steps=9",
                       "--seed=3",
@@ -141,7 +142,7 @@ TEST_F(FakeStages, OptionsReachTheirStagesAndAreRecorded) {
             "ingest <" + (dir_ / "photos").string() + ">" + begin +
                 " <--masks=/some/masks> <--max-frames=50> <--frames=0:420> <--max-size=800>" + end + "sfm" +
                 begin + " <--features=512>" + end + "normalize" + begin +
-                " <--image-size=300> <--holdout-every=4>" + end + "train" + begin +
+                " <--image-size=300> <--holdout=sector> <--holdout-every=4>" + end + "train" + begin +
                 " <--time=20s> <--steps=9> <--seed=3>" + end + "evaluate" + begin + end + "render" + begin +
                 " <--frames=24> <--fps=12> <--depth=true>" + end + "report" + begin + end);
   const Json record = Json::parse(ReadText(fs::path(out) / "run.json"));

@@ -188,6 +188,16 @@ TEST_F(Normalize, MissingPicturesAreNamed) {
   EXPECT_EQ(Split("train").scene.frames.size(), 12u);
 }
 
+TEST_F(Normalize, ASectorIsNamedInTheProtocol) {
+  WriteCapture(in_, ".png", 0);
+  const std::string poses = (in_ / "transforms.json").string();
+  ASSERT_EQ(Run({"--poses", poses, "--holdout", "sector", "--holdout-every", "4"}), 0);
+  EXPECT_EQ(Record()["protocol"], "capture, sector");
+  EXPECT_EQ(Split("test").scene.frames.size(), 5u);
+  ASSERT_EQ(Run({"--poses", poses, "--holdout-every", "4"}), 0);
+  EXPECT_EQ(Record()["protocol"], "capture");
+}
+
 TEST_F(Normalize, BlenderScenesPassThroughUnchanged) {
   for (const std::string split : {"train", "val", "test"}) {
     Json json = {{"camera_angle_x", 0.69}, {"frames", Json::array()}};

@@ -1,0 +1,50 @@
+#include "pipeline/stages/heldout_split.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace pipeline {
+namespace {
+
+using Eigen::Vector3d;
+
+// How differently two pictures were taken, for each frame against `frame`.
+std::vector<double> DifferencesFrom(const std::vector<io::Frame>& frames, std::size_t frame) {
+  Vector3d centre = Vector3d::Zero();
+  for (const io::Frame& f : frames)
+    centre += f.world_from_cam.translation / static_cast<double>(frames.size());
+  double radius = 0;
+  for (const io::Frame& f : frames) radius = std::max(radius, (f.world_from_cam.translation - centre).norm());
+  std::vector<double> differences;
+  const io::Rigid3d& from = frames[frame].world_from_cam;
+  for (const io::Frame& f : frames) {
+    const double distance = (f.world_from_cam.translation - from.translation).norm();
+    const double cosine =
+        (f.world_from_cam.rotation * Vector3d::UnitZ()).dot(from.rotation * Vector3d::UnitZ());
+    differences.push_back((radius > 0 ? distance / radius : 0) + std::acos(std::clamp(cosine, -1.0, 1.0)));
+  }
+  return differences;
+}
+
+}  // namespace
+
+std::vector<bool> HeldOutFrames(const std::vector<io::Frame>& frames, const std::string& holdout, int every) {
+  const std::size_t n = frames.size(), step = static_cast<std::size_t>(every);
+  std::vector<bool> is_held_out(n, false);
+  if (holdout == "every") {
+    for (std::size_t i = 0; i < n; i += step) is_held_out[i] = true;
+    return is_held_out;
+  }
+  if (n == 0) return is_held_out;
+  const std::vector<double> differences = DifferencesFrom(frames, n / 2);
+  std::vector<std::size_t> order(n);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return differences[a] < differences[b];
+  });
+  for (std::size_t i = 0; i < (n + step - 1) / step; ++i) is_held_out[order[i]] = true;
+  return is_held_out;
+}
+
+}  // namespace pipeline
