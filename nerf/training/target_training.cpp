@@ -36,8 +36,8 @@ TrainReport TrainToTarget(const io::Scene& scene,
                           const std::filesystem::path& folder) {
   if (heldout.frames.empty()) {
     throw io::Error(io::ExitCode::kUsage,
-                    "--target: no held-out views to measure it on",
-                    "Give --time, or normalise with held-out views (pipeline normalize --help)");
+                    "--target: no validation views to measure it on",
+                    "Give --time, or at least 10 training pictures");
   }
   TrainOptions attempt = options;
   attempt.time_s = std::min(kFirstBudget_s, options.time_s);
@@ -53,7 +53,7 @@ TrainReport TrainToTarget(const io::Scene& scene,
     attempts.push_back({report.budget_s, report.heldout_psnr});
     const bool reached = report.heldout_psnr >= options.target_psnr;
     events.push_back(
-        fmt::format("attempt of {:.3g} s: held-out views at {:.2f} dB after {:.1f} s, target {:.4g} dB{}",
+        fmt::format("attempt of {:.3g} s: validation views at {:.2f} dB after {:.1f} s, target {:.4g} dB{}",
                     report.budget_s,
                     report.heldout_psnr,
                     report.train_s,

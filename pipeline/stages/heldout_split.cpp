@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace pipeline {
 namespace {
@@ -45,6 +46,22 @@ std::vector<bool> HeldOutFrames(const std::vector<io::Frame>& frames, const std:
   });
   for (std::size_t i = 0; i < (n + step - 1) / step; ++i) is_held_out[order[i]] = true;
   return is_held_out;
+}
+
+io::Scene SetAside(int every, io::Scene* scene) {
+  io::Scene aside = *scene;
+  aside.frames.clear();
+  aside.points.clear();
+  std::vector<io::Frame> kept;
+  std::vector<int> new_index;
+  for (std::size_t i = 0; i < scene->frames.size(); ++i) {
+    const bool is_kept = (i + 1) % static_cast<std::size_t>(every) != 0;
+    new_index.push_back(is_kept ? static_cast<int>(kept.size()) : -1);
+    (is_kept ? kept : aside.frames).push_back(scene->frames[i]);
+  }
+  scene->frames = std::move(kept);
+  io::RenumberObservers(new_index, &scene->points);
+  return aside;
 }
 
 }  // namespace pipeline

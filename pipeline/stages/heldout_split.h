@@ -15,4 +15,7 @@ namespace pipeline {
 //             directions of view in radians, and the two are added.
 std::vector<bool> HeldOutFrames(const std::vector<io::Frame>& frames, const std::string& holdout, int every);
 
+// Takes every n-th frame out of `scene`, and their observations of its points; the result has no points.
+io::Scene SetAside(int every, io::Scene* scene);
+
 }  // namespace pipeline

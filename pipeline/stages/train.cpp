@@ -10,6 +10,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/heldout_split.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/train_options.h"
@@ -17,6 +18,29 @@
 
 namespace pipeline {
 namespace {
+
+// A target is measured on validation pictures, since test views decide nothing: those of a given split, or
+// one in so many of the training pictures, which are then not trained on.
+constexpr int kValidationEvery = 10;
+
+io::Scene SceneOf(const std::filesystem::path& json) {
+  return std::filesystem::exists(json) ? io::ReadTransforms(json).scene : io::Scene{};
+}
+
+// The pictures that training is watched on.
+io::Scene MonitoredScene(const std::filesystem::path& scene_folder,
+                         bool decides,
+                         io::Scene* train,
+                         StageRun* run) {
+  if (!decides) return SceneOf(scene_folder / "transforms_test.json");
+  io::Scene given = SceneOf(scene_folder / "transforms_val.json");
+  if (!given.frames.empty()) return given;
+  io::Scene aside = SetAside(kValidationEvery, train);
+  run->Decide(fmt::format("the target is measured on {} of {} training pictures, which are set aside",
+                          aside.frames.size(),
+                          aside.frames.size() + train->frames.size()));
+  return aside;
+}
 
 void TrainStage(int argc, const char* const* argv) {
   CommonOptions common;
@@ -35,13 +59,10 @@ void TrainStage(int argc, const char* const* argv) {
   const std::filesystem::path scene_folder = common.out / "scene";
   StageRun run("train", common, options, {scene_folder}, true);
   if (run.IsUpToDate()) return;
-  const io::Scene scene = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
-  const std::filesystem::path heldout_path = scene_folder / "transforms_test.json";
-  const io::Scene heldout =
-      std::filesystem::exists(heldout_path) ? io::ReadTransforms(heldout_path).scene : io::Scene{};
-
+  io::Scene scene = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
+  const io::Scene monitored = MonitoredScene(scene_folder, train.target_psnr > 0, &scene, &run);
   const auto train_field = train.target_psnr > 0 ? nerf::TrainToTarget : nerf::Train;
-  const nerf::TrainReport report = train_field(scene, heldout, train, run.folder());
+  const nerf::TrainReport report = train_field(scene, monitored, train, run.folder());
   if (!report.derivation.empty()) run.Decide(report.derivation);
   for (const std::string& event : report.events) run.Decide(event);
   run.Decide(

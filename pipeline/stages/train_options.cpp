@@ -60,7 +60,7 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
   options->Add(
       "target",
       &flags->target,
-      "hash: train until held-out views reach this PSNR, as 30dB; --time is then the ceiling, one hour "
+      "hash: train until validation views reach this PSNR, as 30dB; --time is then the ceiling, one hour "
       "if not given",
       {.check = ParseDecibels});
   options->Add(

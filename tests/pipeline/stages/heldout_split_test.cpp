@@ -51,4 +51,21 @@ TEST(HeldOutFrames, OnOneSpotDirectionsAloneCount) {
 
 TEST(HeldOutFrames, NoFramesNoSplit) { EXPECT_TRUE(pipeline::HeldOutFrames({}, "sector", 8).empty()); }
 
+TEST(SetAside, TakesFramesAndWhatTheyObserved) {
+  io::Scene scene;
+  scene.frames = Circle(7);
+  scene.points.push_back({.xyz = {1, 0, 0}, .frame_indices = {0, 2, 6}});
+  scene.points.push_back({.xyz = {2, 0, 0}, .frame_indices = {2, 5}});
+  const std::vector<io::Frame> frames = scene.frames;
+  const io::Scene aside = pipeline::SetAside(3, &scene);
+  ASSERT_EQ(aside.frames.size(), 2u);
+  EXPECT_EQ(aside.frames[0].world_from_cam.translation, frames[2].world_from_cam.translation);
+  EXPECT_EQ(aside.frames[1].world_from_cam.translation, frames[5].world_from_cam.translation);
+  EXPECT_TRUE(aside.points.empty());
+  ASSERT_EQ(scene.frames.size(), 5u);
+  EXPECT_EQ(scene.frames[4].world_from_cam.translation, frames[6].world_from_cam.translation);
+  ASSERT_EQ(scene.points.size(), 1u) << "nobody is left who saw the other";
+  EXPECT_EQ(scene.points[0].frame_indices, (std::vector<int>{0, 4}));
+}
+
 }  // namespace
