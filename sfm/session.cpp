@@ -136,11 +136,8 @@ Reconstruction Session::Finish() {
     result_.unregistered.push_back({picture.name, ExplainMissingPicture(picture.name, best_->evidence)});
   }
   DescribeFlatness();
-  if (result_.turntable) {
-    decide_(
-        "turntable: poses are those of a camera around the subject, and the background contradicts them; "
-        "give masks of the subject (ingest --masks), or training blurs what surrounds it");
-  }
+  if (result_.turntable)
+    decide_("turntable: poses are those of a camera around the subject, and the background contradicts them");
   const PairAgreement agreement = Agreement();
   if (agreement.Contradicts()) {
     throw NotReconstructible({RefusalCause::kContradictedPoses, agreement.Figures()});

@@ -3,8 +3,11 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "io/base/error.h"
+#include "io/base/median.h"
+#include "io/image/mask.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
@@ -15,6 +18,7 @@
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/reconstruction.h"
+#include "sfm/scene/moving_mask.h"
 #include "sfm/scene/undistort.h"
 
 namespace pipeline {
@@ -42,17 +46,41 @@ std::vector<sfm::Picture> ReadPictures(const fs::path& ingest) {
   return pictures;
 }
 
-void WriteOutputs(const sfm::Reconstruction& result,
-                  const fs::path& images,
-                  const fs::path& masks,
-                  const fs::path& folder,
-                  int threads) {
-  io::Scene scene = result.model.scene;
-  for (io::Frame& frame : scene.frames) {
+// The frames' pictures, and the masks that were given for them.
+void LocateFrames(const fs::path& images, const fs::path& masks, io::Scene* scene) {
+  for (io::Frame& frame : scene->frames) {
     const fs::path mask = masks / fs::path(frame.image_path).replace_extension(".png");
     if (!masks.empty() && fs::exists(mask)) frame.mask_path = mask;
     frame.image_path = images / frame.image_path;
   }
+}
+
+// Gives the frames masks, below `folder`, of what moves while the background stands still.
+void MaskBackground(const fs::path& folder, int threads, io::Scene* scene, StageRun* stage) {
+  const std::vector<io::Mask> masks = sfm::MasksOfMoving(*scene, threads);
+  if (masks.empty()) {
+    stage->Decide(
+        "turntable: the subject cannot be told from the background; give masks of it (ingest --masks), or "
+        "training blurs what surrounds it");
+    return;
+  }
+  fs::create_directories(folder);
+  std::vector<double> shares;
+  for (std::size_t i = 0; i < masks.size(); ++i) {
+    io::Frame& frame = scene->frames[i];
+    frame.mask_path = folder / frame.image_path.filename().replace_extension(".png");
+    io::WriteMask(frame.mask_path, masks[i]);
+    shares.push_back(static_cast<double>(masks[i].UsedCount()) / static_cast<double>(masks[i].used.size()));
+  }
+  stage->Decide(
+      fmt::format("turntable: what stands still is masked out; the subject covers {:.0f} % of a picture",
+                  100 * io::Median(std::move(shares))));
+}
+
+void WriteOutputs(const sfm::Reconstruction& result,
+                  const io::Scene& scene,
+                  const fs::path& folder,
+                  int threads) {
   const io::Scene undistorted = sfm::UndistortScene(scene, folder, threads);
   io::WritePly(folder / "points.ply", undistorted.points);
   io::WriteTransforms(folder / "transforms.json", undistorted, "points.ply");
@@ -149,7 +177,11 @@ int RunSfm(int argc, const char* const* argv) {
     const fs::path work = stage.folder() / "work";
     const sfm::Reconstruction result = sfm::Reconstruct(
         pictures, ingest / "images", work, settings, [&](const std::string& line) { stage.Decide(line); });
-    WriteOutputs(result, ingest / "images", settings.masks_folder, stage.folder(), settings.threads);
+    io::Scene scene = result.model.scene;
+    LocateFrames(ingest / "images", settings.masks_folder, &scene);
+    if (result.turntable && settings.masks_folder.empty())
+      MaskBackground(work / "moving", settings.threads, &scene, &stage);
+    WriteOutputs(result, scene, stage.folder(), settings.threads);
     fs::remove_all(work);
     stage.AddChildUse(result.colmap_cpu_s, result.peak_rss_bytes);
     RecordFigures(result, pictures.size(), &stage);

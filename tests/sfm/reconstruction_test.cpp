@@ -207,7 +207,7 @@ TEST_F(GeneratedCapture, OverlaysAreRemovedAndKnownFocalLengthsKept) {
   EXPECT_EQ(result.model.scene.frames.size(), 8u);
   EXPECT_EQ(Decided("matches that stand still in the picture"), 1);
   EXPECT_EQ(Decided("background stands still while the subject turns"), 1);
-  EXPECT_EQ(Decided("give masks of the subject"), 1);
+  EXPECT_EQ(Decided("the background contradicts them"), 1);
   EXPECT_TRUE(result.turntable);
   EXPECT_NEAR(result.stationary_share, 0.4, 0.05);
   EXPECT_EQ(Decided("held at 1280 px (known)"), 1);

@@ -1,0 +1,178 @@
+#include "sfm/scene/moving_mask.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "io/base/error.h"
+#include "io/base/parallel.h"
+
+namespace sfm {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSide = 512;            // longer side at which pictures are compared, in pixels
+constexpr std::size_t kSampled = 48;  // pictures among which a pixel's most frequent colour is sought
+// Levels of 256 within which a colour counts as the same: noise, compression, the flicker of a lamp.
+constexpr int kTolerance = 16;
+// Of the pictures: from here on a pixel stands still, and so many must agree on the colour of a background
+// that the subject covers now and then.
+constexpr double kStillShare = 0.9, kKnownShare = 0.2;
+// Of the picture. Less of it standing still is no background; less or more of it moving is no subject.
+constexpr double kMinStillShare = 0.15, kMinMovingShare = 0.005, kMaxMovingShare = 0.8;
+// Regions smaller than this share of the largest are noise, a curtain, a clock.
+constexpr double kMinRegionShare = 0.1;
+// At the size of comparison: specks of 2 pixels go, gaps of 4 close, and the edge gets 1 to spare.
+// Around a projected point, 8 pixels to each side.
+constexpr int kAroundPoint = 17;
+constexpr int kOpening = 3, kClosing = 5, kMargin = 3;
+
+constexpr std::uint8_t kYes = 255;
+
+cv::Mat ReadSmall(const fs::path& path, cv::Size* full) {
+  const cv::Mat picture = cv::imread(path.string(), cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  if (picture.empty()) {
+    throw io::Error(io::ExitCode::kBadInput,
+                    path.string() + ": cannot be read as a picture",
+                    "Run pipeline ingest again");
+  }
+  *full = picture.size();
+  const double scale = std::min(1.0, static_cast<double>(kSide) / std::max(picture.cols, picture.rows));
+  const cv::Size size(std::max(1, cvRound(picture.cols * scale)), std::max(1, cvRound(picture.rows * scale)));
+  cv::Mat small;
+  cv::resize(picture, small, size, 0, 0, cv::INTER_AREA);
+  return small;
+}
+
+bool Same(const cv::Vec3b& a, const cv::Vec3b& b) {
+  return std::abs(a[0] - b[0]) <= kTolerance && std::abs(a[1] - b[1]) <= kTolerance &&
+         std::abs(a[2] - b[2]) <= kTolerance;
+}
+
+struct Background {
+  cv::Mat colour;        // most frequent
+  cv::Mat known, still;  // kYes where that colour is a background's, and where it hardly ever changes
+};
+
+Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
+  std::vector<const cv::Mat*> sampled;
+  const std::size_t n = std::min(kSampled, pictures.size());
+  for (std::size_t i = 0; i < n; ++i) sampled.push_back(&pictures[i * pictures.size() / n]);
+  const cv::Size size = pictures[0].size();
+  Background background{cv::Mat(size, CV_8UC3), cv::Mat(size, CV_8U), cv::Mat(size, CV_8U)};
+  io::ParallelFor(static_cast<std::size_t>(size.height), threads, [&](std::size_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < size.width; ++x) {
+      std::ptrdiff_t most = 0;
+      for (const cv::Mat* candidate : sampled) {
+        const cv::Vec3b& colour = candidate->at<cv::Vec3b>(y, x);
+        const auto same = std::count_if(sampled.begin(), sampled.end(), [&](const cv::Mat* other) {
+          return Same(colour, other->at<cv::Vec3b>(y, x));
+        });
+        if (same <= most) continue;
+        most = same;
+        background.colour.at<cv::Vec3b>(y, x) = colour;
+      }
+      const double share = static_cast<double>(most) / static_cast<double>(n);
+      background.known.at<std::uint8_t>(y, x) = share >= kKnownShare ? kYes : 0;
+      background.still.at<std::uint8_t>(y, x) = share >= kStillShare ? kYes : 0;
+    }
+  });
+  return background;
+}
+
+double Share(const cv::Mat& mask) {
+  return static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
+}
+
+cv::Mat Square(int side) { return cv::getStructuringElement(cv::MORPH_RECT, {side, side}); }
+
+// Clears the regions of `mask` smaller than kMinRegionShare of the largest.
+void DropSmallRegions(cv::Mat* mask) {
+  cv::Mat labels, stats, centres;
+  const int n = cv::connectedComponentsWithStats(*mask, labels, stats, centres);
+  int largest = 0;
+  for (int i = 1; i < n; ++i) largest = std::max(largest, stats.at<int>(i, cv::CC_STAT_AREA));
+  for (int i = 1; i < n; ++i) {
+    if (stats.at<int>(i, cv::CC_STAT_AREA) < kMinRegionShare * largest) mask->setTo(0, labels == i);
+  }
+}
+
+// Adds to `mask` what it encloses: all that is not connected with the picture's border.
+void FillEnclosed(cv::Mat* mask) {
+  cv::Mat labels;
+  const int n = cv::connectedComponents(~*mask, labels, 4);
+  std::vector<bool> at_border(static_cast<std::size_t>(n), false);
+  const auto mark = [&](int y, int x) { at_border[static_cast<std::size_t>(labels.at<int>(y, x))] = true; };
+  for (int y = 0; y < mask->rows; ++y) mark(y, 0), mark(y, mask->cols - 1);
+  for (int x = 0; x < mask->cols; ++x) mark(0, x), mark(mask->rows - 1, x);
+  for (int i = 1; i < n; ++i) {
+    if (!at_border[static_cast<std::size_t>(i)]) mask->setTo(kYes, labels == i);
+  }
+}
+
+// kYes near each projected point; of the size of comparison.
+cv::Mat AroundPoints(const io::Scene& scene, const io::Frame& frame, cv::Size size) {
+  const io::Camera camera =
+      io::ResizedCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], size.width, size.height);
+  const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
+  cv::Mat around(size, CV_8U, cv::Scalar(0));
+  for (const io::Point3D& point : scene.points) {
+    const auto xy = io::ImgFromCam(camera, cam_from_world * point.xyz);
+    if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < size.width && xy->y() < size.height)) continue;
+    around.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
+  }
+  cv::dilate(around, around, Square(kAroundPoint));
+  return around;
+}
+
+cv::Mat Subject(const cv::Mat& picture, const cv::Mat& around_points, const Background& background) {
+  cv::Mat subject(picture.size(), CV_8U);
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      const bool is_background = background.known.at<std::uint8_t>(y, x) &&
+                                 Same(picture.at<cv::Vec3b>(y, x), background.colour.at<cv::Vec3b>(y, x));
+      subject.at<std::uint8_t>(y, x) = is_background ? 0 : kYes;
+    }
+  }
+  cv::morphologyEx(subject, subject, cv::MORPH_OPEN, Square(kOpening));
+  cv::morphologyEx(subject, subject, cv::MORPH_CLOSE, Square(kClosing));
+  subject |= around_points;
+  DropSmallRegions(&subject);
+  FillEnclosed(&subject);
+  cv::dilate(subject, subject, Square(kMargin));
+  return subject;
+}
+
+}  // namespace
+
+std::vector<io::Mask> MasksOfMoving(const io::Scene& scene, int threads) {
+  const std::size_t n = scene.frames.size();
+  if (n == 0) return {};
+  std::vector<cv::Mat> small(n);
+  std::vector<cv::Size> sizes(n);
+  io::ParallelFor(
+      n, threads, [&](std::size_t i) { small[i] = ReadSmall(scene.frames[i].image_path, &sizes[i]); });
+  if (std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) { return size != sizes[0]; }))
+    return {};
+  const Background background = FindBackground(small, threads);
+  if (Share(background.still) < kMinStillShare) return {};
+  std::vector<cv::Mat> subjects(n);
+  io::ParallelFor(n, threads, [&](std::size_t i) {
+    subjects[i] = Subject(small[i], AroundPoints(scene, scene.frames[i], small[i].size()), background);
+  });
+  std::vector<io::Mask> masks;
+  for (const cv::Mat& subject : subjects) {
+    const double share = Share(subject);
+    if (share < kMinMovingShare || share > kMaxMovingShare) return {};
+    cv::Mat full;
+    cv::resize(subject, full, sizes[0], 0, 0, cv::INTER_NEAREST);
+    masks.push_back({full.cols, full.rows, {full.begin<std::uint8_t>(), full.end<std::uint8_t>()}});
+  }
+  return masks;
+}
+
+}  // namespace sfm

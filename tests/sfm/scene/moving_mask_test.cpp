@@ -1,0 +1,112 @@
+// The subject on a turntable, told from a background that stands still.
+#include "sfm/scene/moving_mask.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "io/base/error.h"
+#include "io/image/image.h"
+#include "tests/support/temp_dir.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kWidth = 160, kHeight = 120, kPictures = 20;
+
+// Pictures in `folder` by cameras of focal length 100 at the origin, looking along -z.
+io::Scene SceneOf(int n, const fs::path& folder) {
+  io::Scene scene;
+  scene.cameras.push_back({.width = kWidth, .height = kHeight, .fl_x = 100, .fl_y = 100, .cx = 80, .cy = 60});
+  for (int i = 0; i < n; ++i)
+    scene.frames.push_back({.image_path = folder / ("p" + std::to_string(i) + ".png")});
+  return scene;
+}
+
+// Where the middle of the disc is in picture i: it swings 6 pixels to and fro.
+double CentreX(int i) { return 80 + 6 * std::sin(2 * std::numbers::pi * i / kPictures); }
+
+// Before a noisy pattern turns a disc of radius 30. Its rim is of two colours, its middle plain, as dark
+// metal is. A clock in the corner changes too.
+io::Scene WriteTurntable(const fs::path& folder) {
+  io::Scene scene = SceneOf(kPictures, folder);
+  for (int i = 0; i < kPictures; ++i)
+    scene.frames[static_cast<std::size_t>(i)].world_from_cam.translation.x() = (80 - CentreX(i)) / 100;
+  for (double x = -25; x <= 25; x += 5) {
+    for (double y = -25; y <= 25; y += 5) {
+      if (std::hypot(x, y) < 26) scene.points.push_back({.xyz = {x / 100, y / 100, -1}});
+    }
+  }
+  std::mt19937 random(7);
+  for (int i = 0; i < kPictures; ++i) {
+    io::Image image = io::MakeImage(kWidth, kHeight, 3);
+    const double angle = 2 * std::numbers::pi * i / kPictures;
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const double dx = x - CentreX(i), dy = y - 60.0, r = std::hypot(dx, dy);
+        int value = (x / 8 + y / 8) % 2 == 0 ? 180 : 80;
+        if (r < 30) value = 40;
+        if (r > 18 && r < 30) value = std::cos(2 * (std::atan2(dy, dx) - angle)) > 0 ? 220 : 120;
+        if (x < 5 && y < 5) value = i % 2 == 0 ? 0 : 255;
+        for (int c = 0; c < 3; ++c)
+          image.data[static_cast<std::size_t>(3 * (y * kWidth + x) + c)] =
+              static_cast<std::uint8_t>(value + static_cast<int>(random() % 9) - 4);
+      }
+    }
+    io::WriteImage(scene.frames[static_cast<std::size_t>(i)].image_path, image);
+  }
+  return scene;
+}
+
+TEST(MasksOfMoving, KeepsTheSubjectWithItsPlainMiddleAndNothingElse) {
+  const TempDir dir;
+  const io::Scene scene = WriteTurntable(dir.path());
+  const std::vector<io::Mask> masks = sfm::MasksOfMoving(scene, 2);
+  ASSERT_EQ(masks.size(), scene.frames.size());
+  for (int i = 0; i < kPictures; ++i) {
+    const io::Mask& mask = masks[static_cast<std::size_t>(i)];
+    ASSERT_EQ(mask.width, kWidth);
+    ASSERT_EQ(mask.height, kHeight);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const double r = std::hypot(x - CentreX(i), y - 60.0);
+        if (r < 30 || r > 40) {
+          ASSERT_EQ(mask.Uses(static_cast<std::size_t>(y * kWidth + x)), r < 30) << i << " " << x << " " << y;
+        }
+      }
+    }
+  }
+  EXPECT_EQ(sfm::MasksOfMoving(scene, 1)[3].used, masks[3].used);
+}
+
+TEST(MasksOfMoving, ACameraThatMovesLeavesNothingInItsPlace) {
+  const TempDir dir;
+  const io::Scene scene = SceneOf(kPictures, dir.path());
+  for (int i = 0; i < kPictures; ++i) {
+    io::Image image = io::MakeImage(kWidth, kHeight, 3);
+    for (std::size_t k = 0; k < image.data.size(); ++k)
+      image.data[k] =
+          ((k / 3 % kWidth + static_cast<std::size_t>(5 * i)) / 8 + k / 3 / kWidth / 8) % 2 == 0 ? 180 : 80;
+    io::WriteImage(scene.frames[static_cast<std::size_t>(i)].image_path, image);
+  }
+  EXPECT_TRUE(sfm::MasksOfMoving(scene, 1).empty());
+}
+
+TEST(MasksOfMoving, NothingThatMovesOrPicturesOfTwoSizesGiveNone) {
+  const TempDir dir;
+  EXPECT_TRUE(sfm::MasksOfMoving({}, 1).empty());
+  io::Scene scene = WriteTurntable(dir.path());
+  io::Scene same = scene;
+  same.points.clear();
+  for (io::Frame& frame : same.frames) frame.image_path = scene.frames[0].image_path;
+  EXPECT_TRUE(sfm::MasksOfMoving(same, 1).empty());
+  io::WriteImage(scene.frames[3].image_path, io::MakeImage(kWidth / 2, kHeight, 3));
+  EXPECT_TRUE(sfm::MasksOfMoving(scene, 1).empty());
+  fs::remove(scene.frames[5].image_path);
+  EXPECT_THROW(sfm::MasksOfMoving(scene, 1), io::Error);
+}
+
+}  // namespace
