@@ -16,8 +16,6 @@ namespace {
 // through thin leftovers; longer intervals buy more rays.
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
 constexpr int kLog2HashmapSize = 17;
-// In half sides of the cube: there a contracted cell is four times as deep as inside, and twice as wide.
-constexpr double kFarOutside = 2;
 constexpr int kReportSamples = 192;
 constexpr int kGridResolution = 128;
 constexpr int kHullResolution = 64;  // of the first carving, which only finds the box
@@ -31,48 +29,31 @@ double PixelFootprint(const io::Scene& scene, const Eigen::Vector3d& centre) {
   return io::Median(std::move(footprints));
 }
 
-// What the sparse points say about an unbounded scene.
-struct PointExtent {
-  double near, far;  // distances from the cameras between which everything visible lies
-  double half;  // half side of the cube, around the centre of the region of interest, to model undistorted
+// Distances at which cameras see sparse points.
+struct Sightings {
+  std::vector<double> distances, footprints;  // footprint of a pixel there
 };
 
-double ReachOf(const SceneContraction& contraction, const Eigen::Vector3d& xyz) {
-  const Eigen::Vector3f x = xyz.cast<float>();
-  return contraction.Reach(x.data());
-}
-
-// near is half the distance of the nearest thousandth of (view, point) pairs: nothing reconstructed lies
-// nearer, and density close to a lens would be fitted to that one view only. far is three times the farthest
-// thousandth: content at infinity, put there, moves by a third of the parallax of the farthest point. The
-// cube holds 90 % of the points, within one to two times the region of interest, since resolution is shared
-// by all that it holds. Where cameras stand far outside it, in contracted space whose cells are much deeper
-// than wide, it holds them as well: sight lines could not be told from what they pass.
-PointExtent ExtentOf(const io::Scene& scene, const SceneContraction& contraction) {
-  std::vector<double> distances, reaches;
-  for (const io::Frame& frame : scene.frames) {
+// Of the observers of each point where they are known, else of all cameras that have it in their picture.
+Sightings SightingsOf(const io::Scene& scene) {
+  Sightings sightings;
+  const auto add = [&](const io::Frame& frame, const io::Point3D& point, bool observes) {
     const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-    const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
-    for (const io::Point3D& point : scene.points) {
-      const Eigen::Vector3d x = cam_from_world * point.xyz;
-      const auto xy = io::ImgFromCam(camera, x);
-      if (xy && xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height) {
-        distances.push_back(x.norm());
-      }
-    }
+    const Eigen::Vector3d x = frame.world_from_cam.Inverse() * point.xyz;
+    const auto xy = io::ImgFromCam(camera, x);
+    if (!xy) return;
+    if (!observes && !(xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height))
+      return;
+    sightings.distances.push_back(x.norm());
+    sightings.footprints.push_back(x.norm() / camera.fl_x);
+  };
+  for (const io::Point3D& point : scene.points) {
+    for (const int frame : point.frame_indices)
+      add(scene.frames[static_cast<std::size_t>(frame)], point, true);
+    if (!point.frame_indices.empty()) continue;
+    for (const io::Frame& frame : scene.frames) add(frame, point, false);
   }
-  const double half = contraction.half;
-  if (distances.empty()) return {0.1 * scene.near, 32 * half, half};
-  for (const io::Point3D& point : scene.points) reaches.push_back(ReachOf(contraction, point.xyz));
-  double inner = half * std::clamp(io::Quantile(reaches, 0.9), 1.0, 2.0);
-  reaches.clear();
-  for (const io::Frame& frame : scene.frames)
-    reaches.push_back(ReachOf(contraction, frame.world_from_cam.translation));
-  const double cameras = half * io::Quantile(reaches, 0.95);
-  if (cameras > kFarOutside * inner) inner = cameras;
-  return {std::clamp(0.5 * io::Quantile(distances, 0.001), 0.01 * scene.near, scene.near),
-          std::max(3 * io::Quantile(distances, 0.999), 2 * scene.far),
-          inner};
+  return sightings;
 }
 
 // The space and the intervals in it, before the field's kind has its say.
@@ -113,15 +94,30 @@ Space BoundedSpace(const io::Scene& scene, const Dataset& dataset, io::Workers* 
   return space;
 }
 
+// The constants of an unbounded scene follow from what its cameras see. near is half the distance of the
+// nearest thousandth: nothing reconstructed lies nearer, and density close to a lens would be fitted to that
+// one view only. far is three times that of the farthest thousandth: content at infinity, put there, moves by
+// a third of the parallax of the farthest point. Cells are equal in the cube and grow with the distance
+// outside it, as pixel footprints do from a camera on: the cube reaches as far as cameras see in the median,
+// and its cells are as fine as pixels there.
 Space UnboundedSpace(const io::Scene& scene) {
   Space space{.contraction = SceneContraction::FromScene(scene, true)};
-  const PointExtent extent = ExtentOf(scene, space.contraction);
-  space.contraction.half = static_cast<float>(extent.half);
+  std::vector<double> pixel_angles;
+  for (const io::Frame& frame : scene.frames)
+    pixel_angles.push_back(1 / scene.cameras[static_cast<std::size_t>(frame.camera_index)].fl_x);
+  space.sampling.cone_angle =
+      static_cast<float>(kUnboundedIntervalPixels * io::Median(std::move(pixel_angles)));
   space.footprint = FootprintAtCentre(scene, space.contraction);
-  const double distance = 0.5 * (scene.near + scene.far);
-  space.sampling.near = static_cast<float>(extent.near);
-  space.sampling.far = static_cast<float>(extent.far);
-  space.sampling.cone_angle = static_cast<float>(kUnboundedIntervalPixels * space.footprint / distance);
+  space.sampling.near = static_cast<float>(0.1 * scene.near);
+  space.sampling.far = 32 * space.contraction.half;
+  Sightings seen = SightingsOf(scene);
+  if (!seen.distances.empty()) {
+    space.sampling.near = static_cast<float>(
+        std::clamp(0.5 * io::Quantile(seen.distances, 0.001), 0.01 * scene.near, scene.near));
+    space.sampling.far = static_cast<float>(std::max(3 * io::Quantile(seen.distances, 0.999), 2 * scene.far));
+    space.contraction.half = static_cast<float>(io::Median(std::move(seen.distances)));
+    space.footprint = io::Median(std::move(seen.footprints));
+  }
   space.sampling.step_size = 0.5f * static_cast<float>(kUnboundedIntervalPixels * space.footprint);
   return space;
 }

@@ -63,12 +63,14 @@ struct SceneFieldOptions {
 };
 
 // Sizes the field by what the scene needs (the derivation is returned as one line of text):
-//   pixel footprint p = distance to the centre of the region of interest / focal length (median over views)
+//   pixel footprint p = distance / focal length (median over views): bounded, to the centre of the region of
+//               interest; unbounded, to the sparse points that each view observes
 //   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
 //   finest grid cells of 0.9 p, coarsest 16 per axis, tables of 2^17 entries per level, unless the budget
 //   says otherwise (training_schedule.h)
 // Pictures with alpha, given or from a plain background: the space is the cube around their visual hull.
-// Others: contracted space around a cube of one to two times scene.aabb that holds 90 % of the sparse points.
+// Others: contracted space around a cube at the centre of the region of interest, whose half side is the
+// median distance of views from the points that they observe.
 // `nerf` has intervals of (far - near) / 192 in bounded scenes, as many as the report has samples; with a
 // fixed number of samples per ray these lie between near and far.
 std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,

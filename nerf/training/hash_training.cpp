@@ -1,9 +1,12 @@
 // Training steps of the `hash` field: Adam on tables and networks, own kernels throughout.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 #include <variant>
 
+#include "io/base/median.h"
 #include "nerf/fields/hash_field.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/hash_shard.h"
@@ -20,9 +23,10 @@ constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
 // fog as well. The weight grows over the first share of a run: at full weight from the start it can drive all
 // light into fog right before the cameras.
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
-// BatchPlan::full_gradient_distance in unbounded scenes: `near` of normalised ones, since no camera has its
-// subject nearer than that.
+// BatchPlan::full_gradient_distance in unbounded scenes: `near` of normalised ones, where cameras around a
+// subject have nothing; less where this share of the sparse depths lies nearer.
 constexpr float kFullGradientDistance = 2;
+constexpr double kNearerShare = 0.05;
 // Of the depths of sparse points, in unbounded scenes. They form the surface early, which saves samples.
 constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
@@ -33,6 +37,13 @@ constexpr std::uint64_t kRebuildSamples = 1 << 20;
 constexpr std::uint64_t kProbeStride = 16, kFirstProbeStride = 4, kFirstSamples = 1 << 24;
 // Few, so that rays end soon after they became opaque; the time that this saves is spent on more rays.
 constexpr int kWaveSamples = 4;
+
+float FullGradientDistance(const Dataset& dataset) {
+  std::vector<float> depths;
+  for (const SparseDepth& depth : dataset.depths) depths.push_back(depth.t);
+  if (depths.empty()) return kFullGradientDistance;
+  return std::min(kFullGradientDistance, io::Quantile(std::move(depths), kNearerShare));
+}
 
 template <typename Real>
 class HashTraining : public FieldTraining {
@@ -48,6 +59,7 @@ class HashTraining : public FieldTraining {
         schedule_(ScheduleOf(options, dataset.channels == 4)),
         rebuild_every_(std::max<std::uint64_t>(
             1, kRebuildSamples / static_cast<std::uint64_t>(options.samples_per_step))),
+        full_gradient_distance_(FullGradientDistance(dataset)),
         scene_field_(scene_field),
         grid_(*grid),
         network_(*network),
@@ -72,6 +84,7 @@ class HashTraining : public FieldTraining {
   const TrainOptions& options_;
   const TrainingSchedule schedule_;
   const std::uint64_t rebuild_every_;  // steps
+  const float full_gradient_distance_;
   SceneField* scene_field_;
   HashGrid& grid_;
   HashNetwork<Real>& network_;
@@ -92,7 +105,7 @@ BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) con
   plan.early_stop_depth = scene_field_->contraction.unbounded ? kUnboundedEarlyStopDepth : kEarlyStopDepth;
   if (scene_field_->contraction.unbounded) {
     plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
-    plan.full_gradient_distance = kFullGradientDistance;
+    plan.full_gradient_distance = full_gradient_distance_;
     plan.depth_share = kDepthShare, plan.depth_weight = kDepthWeight;
   }
   plan.ends_at_infinity = scene_field_->EndsAtInfinity();
