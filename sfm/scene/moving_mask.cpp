@@ -26,7 +26,7 @@ constexpr double kMinStillShare = 0.15, kMinMovingShare = 0.005, kMaxMovingShare
 // Regions smaller than this share of the largest are noise, a curtain, a clock.
 constexpr double kMinRegionShare = 0.1;
 // At the size of comparison: specks of 2 pixels go, gaps of 4 close, and the edge gets 1 to spare.
-// Around a projected point, 8 pixels to each side.
+// Around an observed point, 8 pixels to each side.
 constexpr int kAroundPoint = 17;
 constexpr int kOpening = 3, kClosing = 5, kMargin = 3;
 
@@ -114,13 +114,16 @@ void FillEnclosed(cv::Mat* mask) {
   }
 }
 
-// kYes near each projected point; of the size of comparison.
-cv::Mat AroundPoints(const io::Scene& scene, const io::Frame& frame, cv::Size size) {
+// kYes near each point that frame `index` observes; of the size of comparison.
+cv::Mat AroundPoints(const io::Scene& scene, int index, cv::Size size) {
+  const io::Frame& frame = scene.frames[static_cast<std::size_t>(index)];
   const io::Camera camera =
       io::ResizedCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], size.width, size.height);
   const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
   cv::Mat around(size, CV_8U, cv::Scalar(0));
   for (const io::Point3D& point : scene.points) {
+    if (std::find(point.frame_indices.begin(), point.frame_indices.end(), index) == point.frame_indices.end())
+      continue;
     const auto xy = io::ImgFromCam(camera, cam_from_world * point.xyz);
     if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < size.width && xy->y() < size.height)) continue;
     around.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
@@ -162,7 +165,7 @@ std::vector<io::Mask> MasksOfMoving(const io::Scene& scene, int threads) {
   if (Share(background.still) < kMinStillShare) return {};
   std::vector<cv::Mat> subjects(n);
   io::ParallelFor(n, threads, [&](std::size_t i) {
-    subjects[i] = Subject(small[i], AroundPoints(scene, scene.frames[i], small[i].size()), background);
+    subjects[i] = Subject(small[i], AroundPoints(scene, static_cast<int>(i), small[i].size()), background);
   });
   std::vector<io::Mask> masks;
   for (const cv::Mat& subject : subjects) {

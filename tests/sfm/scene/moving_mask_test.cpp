@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <random>
 
 #include "io/base/error.h"
@@ -35,9 +36,13 @@ io::Scene WriteTurntable(const fs::path& folder) {
   io::Scene scene = SceneOf(kPictures, folder);
   for (int i = 0; i < kPictures; ++i)
     scene.frames[static_cast<std::size_t>(i)].world_from_cam.translation.x() = (80 - CentreX(i)) / 100;
+  std::vector<int> all(kPictures);
+  std::iota(all.begin(), all.end(), 0);
+  scene.points.push_back({.xyz = {0.6, 0.4, -1}});  // behind the disc, and nobody observes it
   for (double x = -25; x <= 25; x += 5) {
     for (double y = -25; y <= 25; y += 5) {
-      if (std::hypot(x, y) < 26) scene.points.push_back({.xyz = {x / 100, y / 100, -1}});
+      if (std::hypot(x, y) < 26)
+        scene.points.push_back({.xyz = {x / 100, y / 100, -1}, .frame_indices = all});
     }
   }
   std::mt19937 random(7);
