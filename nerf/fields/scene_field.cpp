@@ -29,10 +29,12 @@ double PixelFootprint(const io::Scene& scene, const Eigen::Vector3d& centre) {
   return io::Median(std::move(footprints));
 }
 
-// Distances at which cameras see sparse points.
+// Distances at which cameras see sparse points, within what a scene may hold.
 struct Sightings {
   std::vector<double> distances, footprints;  // footprint of a pixel there
 };
+// Of `near` and `far`: a point beyond is no point of the scene, and would leave it no usable size.
+constexpr double kNearestSighting = 0.01, kFarthestSighting = 100;
 
 // Of the observers of each point where they are known, else of all cameras that have it in their picture.
 Sightings SightingsOf(const io::Scene& scene) {
@@ -44,8 +46,10 @@ Sightings SightingsOf(const io::Scene& scene) {
     if (!xy) return;
     if (!observes && !(xy->x() >= 0 && xy->y() >= 0 && xy->x() <= camera.width && xy->y() <= camera.height))
       return;
-    sightings.distances.push_back(x.norm());
-    sightings.footprints.push_back(x.norm() / camera.fl_x);
+    const double distance =
+        std::clamp(x.norm(), kNearestSighting * scene.near, kFarthestSighting * scene.far);
+    sightings.distances.push_back(distance);
+    sightings.footprints.push_back(distance / camera.fl_x);
   };
   for (const io::Point3D& point : scene.points) {
     for (const int frame : point.frame_indices)
@@ -112,8 +116,7 @@ Space UnboundedSpace(const io::Scene& scene) {
   space.sampling.far = 32 * space.contraction.half;
   Sightings seen = SightingsOf(scene);
   if (!seen.distances.empty()) {
-    space.sampling.near = static_cast<float>(
-        std::clamp(0.5 * io::Quantile(seen.distances, 0.001), 0.01 * scene.near, scene.near));
+    space.sampling.near = static_cast<float>(std::min(0.5 * io::Quantile(seen.distances, 0.001), scene.near));
     space.sampling.far = static_cast<float>(std::max(3 * io::Quantile(seen.distances, 0.999), 2 * scene.far));
     space.contraction.half = static_cast<float>(io::Median(std::move(seen.distances)));
     space.footprint = io::Median(std::move(seen.footprints));

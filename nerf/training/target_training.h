@@ -16,9 +16,9 @@ struct Attempt {
 // attempts, or 2.7 dB per factor 3 after one. At least 1.5 times and at most 8 times the last one.
 double NextBudget(const std::vector<Attempt>& attempts, double target_psnr);
 
-// As Train, until the monitored PSNR of the validation views (`heldout`) reaches options.target_psnr or an attempt of
-// options.time_s is over. The report is the last attempt's, with the steps and the time of all. A resumed
-// run continues its attempt and counts from that on. Throws kUsage without such views.
+// As Train, until the monitored PSNR of `heldout`, the validation views, reaches options.target_psnr or an
+// attempt of options.time_s is over. The report is the last attempt's, with the steps and the time of all. A
+// resumed run continues its attempt and counts from that on. Throws kUsage without validation views.
 TrainReport TrainToTarget(const io::Scene& scene,
                           const io::Scene& heldout,
                           const TrainOptions& options,
