@@ -105,13 +105,17 @@ void MarkLinesTo(const io::Point3D& point, const std::vector<Eigen::Vector3f>& c
   for (const auto& [a, b] : pairs) marker->MarkBetween(origins[a], origins[b], x);
 }
 
-// Cells of two sets or more.
-CellSet CellsOfTwo(const std::vector<CellSet>& sets) {
-  CellSet one(sets[0].size(), 0), two = one;
+// Cells of three sets or more.
+CellSet CellsOfThree(const std::vector<CellSet>& sets) {
+  CellSet one(sets[0].size(), 0), two = one, three = one;
   for (const CellSet& set : sets) {
-    for (std::size_t i = 0; i < set.size(); ++i) two[i] |= one[i] & set[i], one[i] |= set[i];
+    for (std::size_t i = 0; i < set.size(); ++i) {
+      three[i] |= two[i] & set[i];
+      two[i] |= one[i] & set[i];
+      one[i] |= set[i];
+    }
   }
-  return two;
+  return three;
 }
 
 }  // namespace
@@ -144,7 +148,7 @@ std::size_t CarveBySightLines(const io::Scene& scene,
     CellSet scratch = lines[group];
     Dilate(grid->resolution(), &lines[group], &scratch);
   });
-  const CellSet free = CellsOfTwo(lines);
+  const CellSet free = CellsOfThree(lines);
   CellSet scratch = surface;
   Dilate(grid->resolution(), &surface, &scratch);
   for (std::uint32_t cell = 0; cell < grid->n_cells(); ++cell) {

@@ -16,7 +16,7 @@ namespace nerf {
 //
 // A line is three cells wide and ends before the point, whose depth is uncertain. Cells at a point and beside
 // it stay, whatever crosses them: there is a surface. A point may have been matched wrongly, and its lines
-// then cut through surfaces: a cell is free when lines to points of two groups cross it, of 16 into which
+// then cut through surfaces: a cell is free when lines to points of three groups cross it, of 16 into which
 // they are dealt out. Only points with three observers or more count: two rays always meet. Points whose
 // observers are unknown say nothing. Returns the number of lines.
 std::size_t CarveBySightLines(const io::Scene& scene,
