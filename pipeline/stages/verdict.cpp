@@ -7,7 +7,9 @@
 namespace pipeline {
 namespace {
 
-constexpr double kFailedGapDb = 6, kDoubtfulGapDb = 3, kMinGainDb = 3, kStrayGapDb = 6;
+constexpr double kFailedGapDb = 6, kDoubtfulGapDb = 3, kStrayGapDb = 6;
+// Above a picture of one colour.
+constexpr double kMinGainDb = 3, kSolidGainDb = 10;
 
 }  // namespace
 
@@ -32,10 +34,11 @@ Verdict Judge(const Scores& scores) {
   if (!scores.training_psnr_db) return verdict;
   const double training = *scores.training_psnr_db, gap = training - heldout;
   if (gap < kDoubtfulGapDb) return verdict;
-  verdict.outcome = gap < kFailedGapDb ? Outcome::kDoubtful : Outcome::kFailed;
+  const bool is_solid = scores.plain_psnr_db && heldout >= *scores.plain_psnr_db + kSolidGainDb;
+  verdict.outcome = gap < kFailedGapDb || is_solid ? Outcome::kDoubtful : Outcome::kFailed;
   verdict.text = fmt::format(
       "training pictures are {} ({:.1f} dB), the views between them are not shown as well ({:.1f} dB)",
-      gap < kFailedGapDb ? "fitted" : "memorised",
+      verdict.outcome == Outcome::kDoubtful ? "fitted" : "memorised",
       training,
       heldout);
   return verdict;

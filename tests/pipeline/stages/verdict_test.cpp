@@ -26,6 +26,13 @@ TEST(Verdict, FollowsTheGapBetweenTrainingAndHeldOutViews) {
   EXPECT_THAT(Judge(ScoresOf({13, 14, 15}, 36, 9)).text, testing::HasSubstr("memorised (36.0 dB)"));
 }
 
+// Pictures that are mostly dark are fitted very closely; what the others show decides.
+TEST(Verdict, ViewsThatShowNineTenthsAreNoFailure) {
+  EXPECT_EQ(Judge(ScoresOf({26, 27, 28}, 35, 16)).outcome, Outcome::kDoubtful);
+  EXPECT_THAT(Judge(ScoresOf({26, 27, 28}, 35, 16)).text, testing::HasSubstr("fitted (35.0 dB)"));
+  EXPECT_EQ(Judge(ScoresOf({26, 27, 28}, 35, 18)).outcome, Outcome::kFailed);
+}
+
 TEST(Verdict, PicturesOfOneColourAreNoReconstruction) {
   EXPECT_EQ(Judge(ScoresOf({14, 14, 15}, 15, 12)).outcome, Outcome::kFailed);
   EXPECT_THAT(Judge(ScoresOf({14, 14, 15}, 15, 12)).text, testing::HasSubstr("one colour (12.0 dB)"));
