@@ -63,10 +63,10 @@ std::string Headlines(const ReportData& data) {
   if (data.has_sfm)
     html += Card(fmt::format("{} of {}", data.registered, data.images), "pictures registered");
   if (data.has_scores) {
-    html +=
-        Card(fmt::format("{:.2f} dB", data.scores.psnr_db), "PSNR on unseen views, " + data.scores.protocol);
-    html +=
-        Card(fmt::format("{:.2f} dB", data.scores.aligned_psnr_db), "PSNR with exposure and colour aligned");
+    html += Card(fmt::format("{:.2f} dB", data.scores.psnr_db),
+                 fmt::format("PSNR on unseen views, {}; {:.2f} with colours aligned",
+                             data.scores.protocol,
+                             data.scores.aligned_psnr_db));
     html += Card(fmt::format("{:.3f}", data.scores.ssim), "SSIM, 1 is perfect");
     html += Card(fmt::format("{:.3f}", data.scores.flip), "FLIP, 0 is perfect");
   }
