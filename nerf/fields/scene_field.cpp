@@ -16,6 +16,8 @@ namespace {
 // through thin leftovers; longer intervals buy more rays.
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
 constexpr int kLog2HashmapSize = 17;
+// Of `near` and `far`: a point beyond is no point of the scene, and would leave it no usable size.
+constexpr double kNearestSighting = 0.01, kFarthestSighting = 100;
 constexpr int kReportSamples = 192;
 constexpr int kGridResolution = 128;
 constexpr int kHullResolution = 64;  // of the first carving, which only finds the box
@@ -33,8 +35,6 @@ double PixelFootprint(const io::Scene& scene, const Eigen::Vector3d& centre) {
 struct Sightings {
   std::vector<double> distances, footprints;  // footprint of a pixel there
 };
-// Of `near` and `far`: a point beyond is no point of the scene, and would leave it no usable size.
-constexpr double kNearestSighting = 0.01, kFarthestSighting = 100;
 
 // Of the observers of each point where they are known, else of all cameras that have it in their picture.
 Sightings SightingsOf(const io::Scene& scene) {

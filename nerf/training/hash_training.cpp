@@ -1,12 +1,9 @@
 // Training steps of the `hash` field: Adam on tables and networks, own kernels throughout.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <utility>
 #include <variant>
 
-#include "io/base/median.h"
 #include "nerf/fields/hash_field.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/hash_shard.h"
@@ -23,10 +20,6 @@ constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
 // fog as well. The weight grows over the first share of a run: at full weight from the start it can drive all
 // light into fog right before the cameras.
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
-// BatchPlan::full_gradient_distance in unbounded scenes: `near` of normalised ones, where cameras around a
-// subject have nothing; less where this share of the sparse depths lies nearer.
-constexpr float kFullGradientDistance = 2;
-constexpr double kNearerShare = 0.05;
 // Of the depths of sparse points, in unbounded scenes. They form the surface early, which saves samples.
 constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
@@ -37,13 +30,6 @@ constexpr std::uint64_t kRebuildSamples = 1 << 20;
 constexpr std::uint64_t kProbeStride = 16, kFirstProbeStride = 4, kFirstSamples = 1 << 24;
 // Few, so that rays end soon after they became opaque; the time that this saves is spent on more rays.
 constexpr int kWaveSamples = 4;
-
-float FullGradientDistance(const Dataset& dataset) {
-  std::vector<float> depths;
-  for (const SparseDepth& depth : dataset.depths) depths.push_back(depth.t);
-  if (depths.empty()) return kFullGradientDistance;
-  return std::min(kFullGradientDistance, io::Quantile(std::move(depths), kNearerShare));
-}
 
 template <typename Real>
 class HashTraining : public FieldTraining {

@@ -1,9 +1,18 @@
 #include "nerf/training/ray_batch.h"
 
+#include <algorithm>
+#include <utility>
+
+#include "io/base/median.h"
 #include "io/base/random.h"
 
 namespace nerf {
 namespace {
+
+// `near` of normalised scenes, where cameras around a subject have nothing, and the share of sparse depths
+// that may lie nearer than where gradients are whole.
+constexpr float kFullGradientDistance = 2;
+constexpr double kNearerShare = 0.05;
 
 PixelTarget TargetOf(const Dataset& dataset, const BatchPlan& plan, std::size_t pixel) {
   const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
@@ -81,6 +90,13 @@ void DrawRays(
       batch->rays.push_back(ray);
     }
   }
+}
+
+float FullGradientDistance(const Dataset& dataset) {
+  std::vector<float> depths;
+  for (const SparseDepth& depth : dataset.depths) depths.push_back(depth.t);
+  if (depths.empty()) return kFullGradientDistance;
+  return std::min(kFullGradientDistance, io::Quantile(std::move(depths), kNearerShare));
 }
 
 bool NextWave(const Sampler& sampler, const BatchPlan& plan, RayBatch* batch) {

@@ -36,7 +36,7 @@ struct BatchPlan {
   // `hash`: share of the pixels that are drawn among Dataset::depths, and weight of their loss
   // (depth_loss.h).
   float depth_share = 0, depth_weight = 0;
-  // Optical depth at which a ray ends; the light left over counts as background.
+  // Optical depth at which a ray ends; the light left over counts as background, whatever lies behind.
   float early_stop_depth = 6.9f;
   // Samples of a ray in one wave. Its transmittance is looked at after each wave, so at most one wave is
   // marched and queried in vain behind a surface.
@@ -45,6 +45,10 @@ struct BatchPlan {
   float min_weight = 0;
   int max_samples = 1024;  // per ray, up to one wave more; what lies behind is treated as background
 };
+
+// BatchPlan::full_gradient_distance of an unbounded scene: 2, or less where 5 % of the sparse depths are
+// nearer, as on a drive along a street.
+float FullGradientDistance(const Dataset& dataset);
 
 // A ray of the batch while it is marched.
 struct BatchRay {

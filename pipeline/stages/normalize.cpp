@@ -266,8 +266,8 @@ void Normalize(const CommonOptions& common, const NormalizeFlags& options, const
   fs::remove_all(undistorted);
   const io::Camera& camera = source.scene.cameras[0];
   stage.Decide(fmt::format("pictures: {} x {} for training", camera.width, camera.height));
-  record.protocol = ProtocolName(
-      source, !is_split_given && options.holdout == "sector");  // names the size of the written pictures
+  // Names the size of the written pictures.
+  record.protocol = ProtocolName(source, !is_split_given && options.holdout == "sector");
   record.masks = CountMasks(source.scene);
   if (record.masks > 0) {
     stage.Decide(fmt::format("masks: for {} of {} pictures; training and scores use {} % of all pixels",

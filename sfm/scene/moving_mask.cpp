@@ -18,11 +18,10 @@ constexpr int kSide = 512;            // longer side at which pictures are compa
 constexpr std::size_t kSampled = 48;  // pictures among which a pixel's most frequent colour is sought
 // Levels of 256 within which a colour counts as the same: noise, compression, the flicker of a lamp.
 constexpr int kTolerance = 16;
-// Of the pictures: from here on a pixel stands still, and so many must agree on the colour of a background
-// that the subject covers now and then.
-constexpr double kStillShare = 0.9, kKnownShare = 0.2;
-// Of the picture. Less of it standing still is no background; less or more of it moving is no subject.
-constexpr double kMinStillShare = 0.15, kMinMovingShare = 0.005, kMaxMovingShare = 0.8;
+// So many of the pictures must agree on the colour of a background that the subject covers now and then.
+constexpr double kKnownShare = 0.2;
+// Of the picture: less or more than this is no subject.
+constexpr double kMinMovingShare = 0.005, kMaxMovingShare = 0.8;
 // Regions smaller than this share of the largest are noise, a curtain, a clock.
 constexpr double kMinRegionShare = 0.1;
 // At the size of comparison: specks of 2 pixels go, gaps of 4 close, and the edge gets 1 to spare.
@@ -53,8 +52,8 @@ bool Same(const cv::Vec3b& a, const cv::Vec3b& b) {
 }
 
 struct Background {
-  cv::Mat colour;        // most frequent
-  cv::Mat known, still;  // kYes where that colour is a background's, and where it hardly ever changes
+  cv::Mat colour;  // most frequent
+  cv::Mat known;   // kYes where that colour is a background's
 };
 
 Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
@@ -62,7 +61,7 @@ Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
   const std::size_t n = std::min(kSampled, pictures.size());
   for (std::size_t i = 0; i < n; ++i) sampled.push_back(&pictures[i * pictures.size() / n]);
   const cv::Size size = pictures[0].size();
-  Background background{cv::Mat(size, CV_8UC3), cv::Mat(size, CV_8U), cv::Mat(size, CV_8U)};
+  Background background{cv::Mat(size, CV_8UC3), cv::Mat(size, CV_8U)};
   io::ParallelFor(static_cast<std::size_t>(size.height), threads, [&](std::size_t row) {
     const int y = static_cast<int>(row);
     for (int x = 0; x < size.width; ++x) {
@@ -78,7 +77,6 @@ Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
       }
       const double share = static_cast<double>(most) / static_cast<double>(n);
       background.known.at<std::uint8_t>(y, x) = share >= kKnownShare ? kYes : 0;
-      background.still.at<std::uint8_t>(y, x) = share >= kStillShare ? kYes : 0;
     }
   });
   return background;
@@ -162,7 +160,6 @@ std::vector<io::Mask> MasksOfMoving(const io::Scene& scene, int threads) {
   if (std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) { return size != sizes[0]; }))
     return {};
   const Background background = FindBackground(small, threads);
-  if (Share(background.still) < kMinStillShare) return {};
   std::vector<cv::Mat> subjects(n);
   io::ParallelFor(n, threads, [&](std::size_t i) {
     subjects[i] = Subject(small[i], AroundPoints(scene, static_cast<int>(i), small[i].size()), background);

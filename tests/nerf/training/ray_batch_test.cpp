@@ -222,5 +222,15 @@ TEST(EndWave, KeepsNaNForTheLossToFind) {
   EXPECT_EQ(Kept({.min_weight = 1e-4f}, {nan, 1.f}, &batch).size(), 2u);
 }
 
+TEST(FullGradientDistance, IsTwoOrWhereATwentiethOfTheDepthsIsNearer) {
+  Dataset dataset;
+  EXPECT_EQ(FullGradientDistance(dataset), 2.f);
+  for (int i = 0; i < 101; ++i)
+    dataset.depths.push_back({.view = 0, .x = 0, .y = 0, .t = 1 + 0.1f * static_cast<float>(i)});
+  EXPECT_FLOAT_EQ(FullGradientDistance(dataset), 1.5f);
+  for (SparseDepth& depth : dataset.depths) depth.t += 2;
+  EXPECT_EQ(FullGradientDistance(dataset), 2.f);
+}
+
 }  // namespace
 }  // namespace nerf
