@@ -41,7 +41,8 @@ io::Scene WriteTurntable(const fs::path& folder) {
   scene.points.push_back({.xyz = {0.6, 0.4, -1}});  // behind the disc, and nobody observes it
   for (double x = -25; x <= 25; x += 5) {
     for (double y = -25; y <= 25; y += 5) {
-      if (std::hypot(x, y) < 26)
+      if (std::hypot(x, y) > 16 && std::hypot(x, y) < 26)  // none in the plain middle
+
         scene.points.push_back({.xyz = {x / 100, y / 100, -1}, .frame_indices = all});
     }
   }
