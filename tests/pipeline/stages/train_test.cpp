@@ -1,0 +1,68 @@
+// `pipeline train`: which pictures a target is measured on.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/owned_folder.h"
+#include "io/scene/transforms.h"
+#include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/stages.h"
+#include "tests/support/sphere_field.h"
+#include "tests/support/temp_dir.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class TrainTest : public testing::Test {
+ protected:
+  TrainTest() {
+    scene_ = tests::RingScene(
+        10, 40, 30, [&](int i) { return out_ / "scene/images" / ("v" + std::to_string(i) + ".png"); });
+    io::ClaimFolder(out_);
+    fs::create_directories(out_ / "scene/images");
+    for (const io::Frame& frame : scene_.frames) {
+      io::WriteImage(
+          frame.image_path,
+          pipeline::QuantizeView(tests::SphereField().Render(scene_.cameras[0], frame.world_from_cam, {})));
+    }
+    WriteSplit("train", 0, 10);
+    WriteSplit("test", 0, 1);
+  }
+
+  void WriteSplit(const std::string& name, int begin, int end) {
+    io::Scene part = scene_;
+    part.frames.assign(scene_.frames.begin() + begin, scene_.frames.begin() + end);
+    io::WriteTransforms(out_ / "scene" / ("transforms_" + name + ".json"), part, "");
+  }
+
+  // The decisions of a run with these flags, as one text.
+  std::string Decisions(std::vector<std::string> flags) {
+    flags.insert(flags.begin(), {"pipeline-train", "--out", out_.string(), "--threads=1", "--force"});
+    std::vector<const char*> argv;
+    for (const std::string& flag : flags) argv.push_back(flag.c_str());
+    EXPECT_EQ(pipeline::RunTrain(static_cast<int>(argv.size()), argv.data()), 0);
+    return nlohmann::json::parse(io::ReadFile(out_ / "train/train.json"))["decisions"].dump();
+  }
+
+  TempDir dir_;
+  fs::path out_ = dir_.path() / "run";
+  io::Scene scene_;
+};
+
+TEST_F(TrainTest, ATargetIsMeasuredOnTrainingPicturesThatAreSetAside) {
+  EXPECT_THAT(Decisions({"--target=1dB", "--time=5s"}), HasSubstr("on 1 of 10 training pictures"));
+  EXPECT_THAT(Decisions({"--steps=2"}), Not(HasSubstr("set aside")));
+}
+
+TEST_F(TrainTest, OrOnTheValidationPicturesThatAreGiven) {
+  WriteSplit("val", 3, 5);
+  const std::string decisions = Decisions({"--target=1dB", "--time=5s"});
+  EXPECT_THAT(decisions, HasSubstr("validation views at"));
+  EXPECT_THAT(decisions, Not(HasSubstr("set aside")));
+}
+
+}  // namespace
