@@ -1,80 +1,14 @@
 #include "nerf/data/occupancy_init.h"
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "io/base/check.h"
+#include "nerf/data/projector.h"
 
 namespace nerf {
 namespace {
-
-// The corners of a cell and its centre, in scene coordinates.
-using CellPoints = std::array<Eigen::Vector3f, 9>;
-
-// Projects the ball around a cell into a pinhole view.
-struct Projector {
-  explicit Projector(const io::Scene& scene, const io::Frame& frame) {
-    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-    const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
-    rotation = cam_from_world.rotation.cast<float>();
-    translation = cam_from_world.translation.cast<float>();
-    position = frame.world_from_cam.translation.cast<float>();
-    fl_x = static_cast<float>(camera.fl_x), fl_y = static_cast<float>(camera.fl_y);
-    cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
-    width = static_cast<float>(camera.width), height = static_cast<float>(camera.height);
-  }
-
-  // False when the ball reaches behind the camera, where its projection is no disc.
-  bool Project(
-      const Eigen::Vector3f& x, float radius, Eigen::Vector2f* centre, float* depth, float* radius_px) const {
-    const Eigen::Vector3f in_cam = rotation * x + translation;
-    *depth = -in_cam.z();
-    if (!(*depth > radius)) return false;
-    *centre = {fl_x * in_cam.x() / *depth + cx, -fl_y * in_cam.y() / *depth + cy};
-    // The silhouette of a ball off the axis is stretched by at most 1 / cos; depth - radius bounds its near
-    // side.
-    const float slant = in_cam.norm() / *depth;
-    *radius_px = std::max(fl_x, fl_y) * radius / (*depth - radius) * slant;
-    return true;
-  }
-  bool Contains(const Eigen::Vector2f& p, float margin) const {
-    return p.x() >= margin && p.y() >= margin && p.x() <= width - margin && p.y() <= height - margin;
-  }
-
-  // Whether a corner or the centre of the cell lies on a used pixel and beyond `near`, or the camera is
-  // inside the cell. uses(x, y) tells used pixels.
-  template <typename Uses>
-  bool SeesAny(const CellPoints& points, float near, const Uses& uses) const {
-    float nearest = std::numeric_limits<float>::infinity();
-    for (const Eigen::Vector3f& point : points) {
-      const Eigen::Vector3f in_cam = rotation * point + translation;
-      const float depth = -in_cam.z(), distance = in_cam.norm();
-      nearest = std::min(nearest, distance);
-      if (!(depth > 0 && distance > near)) continue;
-      const Eigen::Vector2f p(fl_x * in_cam.x() / depth + cx, -fl_y * in_cam.y() / depth + cy);
-      if (Contains(p, 0) && uses(p.x(), p.y())) return true;
-    }
-    return nearest < (points[8] - points[0]).norm() && nearest > near;
-  }
-
-  // Whether the cell lies nearer than `near`, with its centre on a used pixel.
-  template <typename Uses>
-  bool SeesThrough(const CellPoints& points, float near, const Uses& uses) const {
-    for (auto point = points.rbegin(); point != points.rend(); ++point) {  // the centre decides nearly always
-      if (!((*point - position).squaredNorm() < near * near)) return false;
-    }
-    const Eigen::Vector3f centre = rotation * points[8] + translation;
-    const float depth = -centre.z();
-    if (!(depth > 0)) return false;
-    const Eigen::Vector2f p(fl_x * centre.x() / depth + cx, -fl_y * centre.y() / depth + cy);
-    return Contains(p, 0) && uses(p.x(), p.y());
-  }
-
-  Eigen::Matrix3f rotation;
-  Eigen::Vector3f translation, position;  // position: of the camera, scene coordinates
-  float fl_x, fl_y, cx, cy, width, height;
-};
 
 // Whether a rectangle's pixels have alpha > 0: none, some or all of them.
 enum class Coverage { kNone, kSome, kAll };
@@ -113,22 +47,6 @@ class AlphaCount {
   int width_, height_;
   std::vector<std::uint32_t> sums_;
 };
-
-void CellPointsOf(const OccupancyGrid& grid,
-                  const SceneContraction& contraction,
-                  std::uint32_t cell,
-                  CellPoints* points) {
-  const std::array<float, 3> unit = grid.CellCentre(cell);
-  const float half = 0.5f / static_cast<float>(grid.resolution());
-  contraction.FromUnit(unit.data(), (*points)[8].data());
-  for (std::size_t corner = 0; corner < 8; ++corner) {
-    float at[3];
-    // Cells on the faces of a contracted cube reach infinity; staying inside by 1 % of a cell keeps them
-    // finite.
-    for (std::size_t i = 0; i < 3; ++i) at[i] = unit[i] + (corner >> i & 1 ? 0.99f : -0.99f) * half;
-    contraction.FromUnit(at, (*points)[corner].data());
-  }
-}
 
 // Carves the visual hull from blocks to cells: a block that some view sees wholly on transparent pixels is
 // empty as one, a block that all views see on opaque pixels full as one, and only the others are looked at in
@@ -217,6 +135,83 @@ class HullCarver {
   OccupancyGrid* grid_;
 };
 
+// Carves by frusta, a block of cells at a time: a look at the box around the block spares its cells most
+// views.
+class FrustumCarver {
+ public:
+  static constexpr int kBlock = 4;  // cells along a side; the resolution is a multiple of 64
+
+  FrustumCarver(const std::vector<Projector>& projectors,
+                const Dataset& dataset,
+                const std::vector<bool>& used,
+                const SceneContraction& contraction,
+                float near,
+                OccupancyGrid* grid)
+      : projectors_(projectors),
+        dataset_(dataset),
+        used_(used),
+        contraction_(contraction),
+        near_(near),
+        grid_(grid) {}
+
+  void Carve(const std::array<int, 3>& block) const {
+    struct Cell {
+      std::uint32_t index;
+      CellPoints points;
+    };
+    std::array<Cell, kBlock * kBlock * kBlock> cells;
+    Eigen::AlignedBox3f box;
+    float largest = 0;  // distance of a cell's centre from its corners
+    for (int i = 0; i < static_cast<int>(cells.size()); ++i) {
+      Cell& cell = cells[static_cast<std::size_t>(i)];
+      const int n = grid_->resolution(), x = block[0] * kBlock + i % kBlock,
+                y = block[1] * kBlock + i / kBlock % kBlock, z = block[2] * kBlock + i / kBlock / kBlock;
+      cell.index = static_cast<std::uint32_t>((z * n + y) * n + x);
+      CellPointsOf(*grid_, contraction_, cell.index, &cell.points);
+      for (const Eigen::Vector3f& point : cell.points) box.extend(point);
+      largest = std::max(largest, (cell.points[8] - cell.points[0]).norm());
+    }
+    std::vector<std::size_t> facing, close;  // views that may see a cell, or see through it
+    for (std::size_t v = 0; v < projectors_.size(); ++v) {
+      const float distance2 = box.squaredExteriorDistance(projectors_[v].position);
+      if (distance2 < largest * largest || projectors_[v].MaySee(box)) facing.push_back(v);
+      if (distance2 < near_ * near_) close.push_back(v);
+    }
+    for (const Cell& cell : cells) {
+      SeenByTwo(cell.points, facing) && !SeenThrough(cell.points, close) ? grid_->SetCandidate(cell.index)
+                                                                         : grid_->SetEmpty(cell.index);
+    }
+  }
+
+ private:
+  auto UsesOf(std::size_t v) const {
+    return [this, &view = dataset_.views[v]](float x, float y) {
+      if (used_.empty()) return true;
+      const int column = std::min(static_cast<int>(x), view.width - 1),
+                row = std::min(static_cast<int>(y), view.height - 1);
+      return bool{used_[view.first_pixel + static_cast<std::size_t>(row * view.width + column)]};
+    };
+  }
+  bool SeenByTwo(const CellPoints& points, const std::vector<std::size_t>& views) const {
+    int seen = 0;
+    for (std::size_t i = 0; i < views.size() && seen < 2; ++i)
+      seen += projectors_[views[i]].SeesAny(points, near_, UsesOf(views[i]));
+    return seen == 2;
+  }
+  bool SeenThrough(const CellPoints& points, const std::vector<std::size_t>& views) const {
+    return std::any_of(views.begin(), views.end(), [&](std::size_t v) {
+      return projectors_[v].SeesThrough(points, near_, UsesOf(v));
+    });
+  }
+
+  const std::vector<Projector>& projectors_;
+  const Dataset& dataset_;
+  const std::vector<bool>& used_;
+  const SceneContraction& contraction_;
+  float near_;
+  OccupancyGrid* grid_;
+};
+
 }  // namespace
 
 std::array<float, 6> CarveByMasks(const io::Scene& scene,
@@ -264,29 +259,10 @@ void CarveByFrusta(const io::Scene& scene,
   const std::vector<bool> used = dataset.UsedPixels();
   std::vector<Projector> projectors;
   for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
-  const int n = grid->resolution();
-  workers->Run(n, [&](int slab, int) {
-    const auto cells = static_cast<std::uint32_t>(n) * static_cast<std::uint32_t>(n);
-    for (std::uint32_t cell = static_cast<std::uint32_t>(slab) * cells;
-         cell < static_cast<std::uint32_t>(slab + 1) * cells;
-         ++cell) {
-      CellPoints points;
-      CellPointsOf(*grid, contraction, cell, &points);
-      int seen = 0;
-      bool seen_through = false;
-      for (std::size_t v = 0; v < projectors.size() && !seen_through; ++v) {
-        const View& view = dataset.views[v];
-        const auto uses = [&](float x, float y) {
-          if (used.empty()) return true;
-          const int column = std::min(static_cast<int>(x), view.width - 1),
-                    row = std::min(static_cast<int>(y), view.height - 1);
-          return bool{used[view.first_pixel + static_cast<std::size_t>(row * view.width + column)]};
-        };
-        seen += seen < 2 && projectors[v].SeesAny(points, static_cast<float>(near), uses);
-        seen_through = projectors[v].SeesThrough(points, static_cast<float>(near), uses);
-      }
-      seen >= 2 && !seen_through ? grid->SetCandidate(cell) : grid->SetEmpty(cell);
-    }
+  const FrustumCarver carver(projectors, dataset, used, contraction, static_cast<float>(near), grid);
+  const int per_axis = grid->resolution() / FrustumCarver::kBlock;
+  workers->Run(per_axis * per_axis, [&](int row, int) {
+    for (int x = 0; x < per_axis; ++x) carver.Carve({x, row % per_axis, row / per_axis});
   });
 }
 

@@ -8,9 +8,11 @@
 #include <cmath>
 #include <vector>
 
+#include "io/base/random.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
 #include "nerf/data/hull_pixels.h"
+#include "nerf/data/projector.h"
 #include "tests/support/ball_scene.h"
 #include "tests/support/march_ray.h"
 #include "tests/support/picture_scene.h"
@@ -171,6 +173,46 @@ TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
     }
   }
   EXPECT_GT(n_near_and_unused, 3000);
+}
+
+// Blocks spare cells a look at views; each cell must be decided as if every view had been asked. Cameras
+// inside and outside of the inner cube look all ways, narrow enough that many blocks lie beside their
+// pictures.
+TEST(CarveByFrusta, BlocksDecideAsSingleCellsDo) {
+  const TempDir dir;
+  io::WriteImage(dir / "a.png", io::MakeImage(20, 20, 3));
+  io::Scene scene = tests::SceneOf(std::vector(12, dir / "a.png"), 20, 20);
+  io::Random random(7, io::Stream::kInit, 0, 0);
+  for (io::Frame& frame : scene.frames) {
+    const auto uniform = [&] { return 2 * random.Uniform() - 1; };
+    frame.world_from_cam.translation = 2.5 * Eigen::Vector3d(uniform(), uniform(), uniform());
+    frame.world_from_cam.rotation =
+        Eigen::Quaterniond(uniform(), uniform(), uniform(), uniform()).normalized().toRotationMatrix();
+  }
+  const SceneContraction contraction = {{0, 0, 0}, 1, true};
+  constexpr float kNear = 1.2f;
+  io::Workers workers(2);
+  OccupancyGrid grid(64, contraction);
+  CarveByFrusta(scene, LoadDataset(scene, 1), contraction, kNear, &workers, &grid);
+  const auto all_pixels = [](float, float) { return true; };
+  int n_seen = 0, n_seen_through = 0;
+  for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
+    CellPoints points;
+    CellPointsOf(grid, contraction, cell, &points);
+    int seen = 0;
+    bool seen_through = false;
+    for (const io::Frame& frame : scene.frames) {
+      const Projector projector(scene, frame);
+      seen += projector.SeesAny(points, kNear, all_pixels);
+      seen_through = seen_through || projector.SeesThrough(points, kNear, all_pixels);
+    }
+    ASSERT_EQ(!grid.IsNeverOccupied(cell), seen >= 2 && !seen_through) << "cell " << cell;
+    n_seen += seen >= 2;
+    n_seen_through += seen >= 2 && seen_through;
+  }
+  EXPECT_GT(n_seen, 20000);  // neither all nor nothing
+  EXPECT_LT(n_seen, 200000);
+  EXPECT_GT(n_seen_through, 100);
 }
 
 }  // namespace
