@@ -5,6 +5,7 @@
 #include <numeric>
 #include <set>
 
+#include "io/base/median.h"
 #include "sfm/mapping/pair_agreement.h"
 
 namespace sfm {
@@ -14,51 +15,16 @@ namespace {
 // a few pairs, by which it was found.
 constexpr double kMaxContradictingShare = 0.5;
 
+// A pose is too uncertain when one standard deviation of its rotation moves the picture by more than this
+// share of its longer side, three pixels in a thousand, and is so much larger than those of the other
+// pictures.
+constexpr double kMaxPoseSigmaShare = 0.003, kMaxPoseSigmaRatio = 5;
+constexpr double kRadians = 3.14159265358979323846 / 180;
+
 std::size_t Index(int i) { return static_cast<std::size_t>(i); }
 
 bool Touches(const VerifiedPair& pair, const std::string& name) {
   return pair.name_a == name || pair.name_b == name;
-}
-
-// The model without these frames, without points that fewer than two other frames see, and without cameras
-// that took none of the others.
-io::ColmapModel WithoutFrames(const io::ColmapModel& model, const std::set<std::string>& names) {
-  io::ColmapModel kept = model;
-  kept.scene.cameras.clear();
-  kept.scene.frames.clear();
-  kept.scene.points.clear();
-  kept.observations.clear();
-  std::map<int, int> cameras, frames, points;  // old index to new one
-  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
-    io::Frame frame = model.scene.frames[i];
-    if (names.count(frame.image_path.string()) > 0) continue;
-    const auto [camera, is_new] =
-        cameras.emplace(frame.camera_index, static_cast<int>(kept.scene.cameras.size()));
-    if (is_new) kept.scene.cameras.push_back(model.scene.cameras[Index(frame.camera_index)]);
-    frame.camera_index = camera->second;
-    frames[static_cast<int>(i)] = static_cast<int>(kept.scene.frames.size());
-    kept.scene.frames.push_back(std::move(frame));
-  }
-  for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
-    io::Point3D point = model.scene.points[i];
-    std::vector<int> seen_by;
-    for (const int frame : point.frame_indices) {
-      if (frames.count(frame) > 0) seen_by.push_back(frames[frame]);
-    }
-    if (std::set<int>(seen_by.begin(), seen_by.end()).size() < 2) continue;
-    point.frame_indices = std::move(seen_by);
-    points[static_cast<int>(i)] = static_cast<int>(kept.scene.points.size());
-    kept.scene.points.push_back(std::move(point));
-  }
-  for (io::Observation observation : model.observations) {
-    const auto frame = frames.find(observation.frame_index);
-    const auto point = points.find(observation.point_index);
-    if (frame == frames.end() || point == points.end()) continue;
-    observation.frame_index = frame->second;
-    observation.point_index = point->second;
-    kept.observations.push_back(observation);
-  }
-  return kept;
 }
 
 }  // namespace
@@ -136,6 +102,66 @@ std::vector<std::string> DropContradicted(const std::vector<std::string>& names,
   }
   if (!dropped.empty()) model = WithoutFrames(model, {dropped.begin(), dropped.end()});
   return dropped;
+}
+
+std::vector<UncertainPicture> UncertainPictures(const io::ColmapModel& model,
+                                                const BundleUncertainty& uncertainty) {
+  std::vector<double> rotations;
+  for (const PoseUncertainty& pose : uncertainty.poses) rotations.push_back(pose.rotation_deg);
+  if (rotations.empty()) return {};
+  const double median = io::Median(rotations);
+  std::vector<UncertainPicture> uncertain;
+  for (std::size_t i = 0; i < rotations.size(); ++i) {
+    const io::Frame& frame = model.scene.frames[i];
+    const io::Camera& camera = model.scene.cameras[Index(frame.camera_index)];
+    const double share =
+        rotations[i] * kRadians * std::max(camera.fl_x, camera.fl_y) / std::max(camera.width, camera.height);
+    if (share > kMaxPoseSigmaShare && rotations[i] > kMaxPoseSigmaRatio * median)
+      uncertain.push_back({frame.image_path.string(), rotations[i], median});
+  }
+  std::sort(uncertain.begin(), uncertain.end(), [](const UncertainPicture& a, const UncertainPicture& b) {
+    return a.rotation_deg > b.rotation_deg;
+  });
+  return uncertain;
+}
+
+io::ColmapModel WithoutFrames(const io::ColmapModel& model, const std::set<std::string>& names) {
+  io::ColmapModel kept = model;
+  kept.scene.cameras.clear();
+  kept.scene.frames.clear();
+  kept.scene.points.clear();
+  kept.observations.clear();
+  std::map<int, int> cameras, frames, points;  // old index to new one
+  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
+    io::Frame frame = model.scene.frames[i];
+    if (names.count(frame.image_path.string()) > 0) continue;
+    const auto [camera, is_new] =
+        cameras.emplace(frame.camera_index, static_cast<int>(kept.scene.cameras.size()));
+    if (is_new) kept.scene.cameras.push_back(model.scene.cameras[Index(frame.camera_index)]);
+    frame.camera_index = camera->second;
+    frames[static_cast<int>(i)] = static_cast<int>(kept.scene.frames.size());
+    kept.scene.frames.push_back(std::move(frame));
+  }
+  for (std::size_t i = 0; i < model.scene.points.size(); ++i) {
+    io::Point3D point = model.scene.points[i];
+    std::vector<int> seen_by;
+    for (const int frame : point.frame_indices) {
+      if (frames.count(frame) > 0) seen_by.push_back(frames[frame]);
+    }
+    if (std::set<int>(seen_by.begin(), seen_by.end()).size() < 2) continue;
+    point.frame_indices = std::move(seen_by);
+    points[static_cast<int>(i)] = static_cast<int>(kept.scene.points.size());
+    kept.scene.points.push_back(std::move(point));
+  }
+  for (io::Observation observation : model.observations) {
+    const auto frame = frames.find(observation.frame_index);
+    const auto point = points.find(observation.point_index);
+    if (frame == frames.end() || point == points.end()) continue;
+    observation.frame_index = frame->second;
+    observation.point_index = point->second;
+    kept.observations.push_back(observation);
+  }
+  return kept;
 }
 
 }  // namespace sfm

@@ -1,10 +1,12 @@
 // The second look at pictures that a model left out: what they are compared with, what that may cost, and
-// whether the poses they get can be trusted.
+// whether the poses that were found on little evidence can be trusted.
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
+#include "sfm/bundle/bundle_uncertainty.h"
 #include "sfm/features/image_pairs.h"
 #include "sfm/mapping/mapping_attempt.h"
 
@@ -29,5 +31,20 @@ std::vector<int> WithinCeiling(const std::vector<int>& pictures,
 // Takes those of `names` out of the largest model whose own pairs contradict their pose for the most part;
 // returns them. A picture that was added to a finished model on little evidence may have been put anywhere.
 std::vector<std::string> DropContradicted(const std::vector<std::string>& names, MappingAttempt* attempt);
+
+struct UncertainPicture {
+  std::string name;
+  double rotation_deg;  // one standard deviation
+  double median_deg;    // of all pictures
+};
+
+// Pictures of an adjusted model whose few observations hardly determine their pose, while those of the others
+// do: such a picture was mostly put where another place looks alike. Largest uncertainty first.
+std::vector<UncertainPicture> UncertainPictures(const io::ColmapModel& model,
+                                                const BundleUncertainty& uncertainty);
+
+// The model without these frames, without points that fewer than two other frames see, and without cameras
+// that took none of the others.
+io::ColmapModel WithoutFrames(const io::ColmapModel& model, const std::set<std::string>& names);
 
 }  // namespace sfm

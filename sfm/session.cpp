@@ -125,6 +125,7 @@ Reconstruction Session::Finish() {
   RefuseUnusable();  // a degenerate model cannot be adjusted
   Adjust();
   RefuseUnusable();
+  DropUncertainPictures();
   std::vector<std::size_t> sizes;
   for (const io::ColmapModel& model : best_->models) sizes.push_back(model.scene.frames.size());
   decide_(fmt::format(
@@ -201,6 +202,23 @@ void Session::Adjust() {
   SetSigmas(best_->views->names, best_->views->features, &result_.model);
   result_.uncertainty = AdjustWithSelectedCameraModel(&result_.model, options, decide_).uncertainty;
   result_.times.adjusting_s += stopwatch.seconds();
+}
+
+void Session::DropUncertainPictures() {
+  std::set<std::string> names;
+  for (const UncertainPicture& picture : UncertainPictures(result_.model, result_.uncertainty)) {
+    decide_(
+        fmt::format("{}: taken out, because its pose is uncertain by {:.2f} degrees, {:.0f} times as much as "
+                    "those of others",
+                    picture.name,
+                    picture.rotation_deg,
+                    picture.rotation_deg / picture.median_deg));
+    names.insert(picture.name);
+  }
+  if (names.empty()) return;
+  // From the beginning: a picture in a wrong place bends the cameras of all.
+  result_.model = WithoutFrames(best_->models.front(), names);
+  Adjust();
 }
 
 PairAgreement Session::Agreement() const {

@@ -78,6 +78,7 @@ class Session {
   void CountUse(double cpu_s, std::size_t peak_rss_bytes);
   PairAgreement Agreement() const;
   void Adjust();
+  void DropUncertainPictures();
   void RefuseUnusable() const;
   // Seen straight down, a flat ground looks the same from higher up through a longer lens.
   void DescribeFlatness() const;

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "sfm/scene/pose_error.h"
 #include "sfm/synthetic/synthetic_capture.h"
@@ -99,6 +101,33 @@ TEST(SecondLook, APictureInAWrongPlaceIsTakenOutAgain) {
     const io::Point3D& point = model.scene.points.at(static_cast<std::size_t>(o.point_index));
     EXPECT_EQ(std::count(point.frame_indices.begin(), point.frame_indices.end(), o.frame_index), 1);
   }
+}
+
+// By three pixels in a thousand, and by five times as much as others: either alone is right in a capture that
+// is very certain on the whole, or not at all.
+TEST(SecondLook, APoseIsUncertainByItselfAndBesideOthers) {
+  const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture({.pictures = 10, .points = 200, .seed = 4});
+  io::ColmapModel model;
+  model.scene = capture.truth;
+  const auto uncertain = [&](double usual, std::size_t at, double sigma) {
+    sfm::BundleUncertainty uncertainty;
+    uncertainty.poses.assign(10, {.rotation_deg = usual});
+    uncertainty.poses[at].rotation_deg = sigma;
+    Names names;
+    for (const sfm::UncertainPicture& picture : sfm::UncertainPictures(model, uncertainty)) {
+      EXPECT_EQ(picture.rotation_deg, sigma);
+      EXPECT_EQ(picture.median_deg, usual);
+      names.push_back(picture.name);
+    }
+    return names;
+  };
+  const io::Camera& camera = model.scene.cameras[0];
+  const double limit_deg = 0.003 * std::max(camera.width, camera.height) / camera.fl_x * 180 / M_PI;
+  const std::string name = model.scene.frames[6].image_path.string();
+  EXPECT_EQ(uncertain(limit_deg / 6, 6, 1.01 * limit_deg), Names{name});
+  EXPECT_EQ(uncertain(limit_deg / 6, 6, 0.99 * limit_deg), Names{});
+  EXPECT_EQ(uncertain(limit_deg / 4, 6, 1.01 * limit_deg), Names{});
+  EXPECT_EQ(uncertain(limit_deg / 4, 6, std::numeric_limits<double>::infinity()), Names{name});
 }
 
 TEST(SecondLook, CostsAreCountedInComparisons) {
