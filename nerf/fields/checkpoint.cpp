@@ -16,9 +16,10 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP5";
+constexpr char kMagic[] = "NERFCKP6";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
+constexpr std::size_t kMaxCameraValues = 1 << 24;
 constexpr std::size_t kMaxFile = std::size_t{8} << 30;
 static_assert(std::endian::native == std::endian::little, "tensors are stored little endian");
 
@@ -30,7 +31,7 @@ struct Entry {
   std::string_view view() const { return {data, bytes}; }
 };
 
-std::vector<Entry> Entries(SceneField* scene_field) {
+std::vector<Entry> Entries(SceneField* scene_field, std::span<float> cameras) {
   std::vector<Entry> entries;
   const auto add = [&](const std::string& name, auto values) {
     entries.push_back({name, reinterpret_cast<char*>(values.data()), values.size_bytes()});
@@ -39,6 +40,7 @@ std::vector<Entry> Entries(SceneField* scene_field) {
   add("occupancy", std::span(scene_field->grid.density()));
   // Rebuilt only every few steps, so not a function of the densities at this one.
   add("occupancy_distance", std::span(scene_field->grid.distance()));
+  if (!cameras.empty()) add("cameras", cameras);
   return entries;
 }
 
@@ -132,9 +134,12 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                      {"skipped_steps", state.skipped_steps},
                      {"restarts", state.restarts},
                      {"squared_error", state.squared_error},
-                     {"channels", state.channels}};
+                     {"channels", state.channels},
+                     {"camera_values", state.cameras.size()}};
   std::size_t size = kPrefix;
-  for (const Entry& entry : Entries(scene_field)) {
+  std::vector<float> cameras = state.cameras;
+  const std::vector<Entry> entries = Entries(scene_field, cameras);
+  for (const Entry& entry : entries) {
     header["tensors"].push_back(
         {{"name", entry.name}, {"bytes", entry.bytes}, {"hash", io::HashBytes(entry.view())}});
     size += entry.bytes;
@@ -147,7 +152,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
       .append(reinterpret_cast<const char*>(&length), 4)
       .append(io::HashBytes(text))
       .append(text);
-  for (const Entry& entry : Entries(scene_field)) file.append(entry.view());
+  for (const Entry& entry : entries) file.append(entry.view());
   io::WriteFileAtomically(path, file);
 }
 
@@ -178,6 +183,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->restarts = Get(path, t, "restarts", 0, 1 << 20);
   state->squared_error = Get(path, t, "squared_error", -1.0, 1e12);
   state->channels = Get(path, t, "channels", 3, 4);
+  state->cameras.resize(Get<std::size_t>(path, t, "camera_values", 0, kMaxCameraValues));
 
   auto scene_field =
       std::make_unique<SceneField>(contraction, sampling, MakeField(path, header), grid_resolution);
@@ -190,7 +196,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
         Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};
   }
   std::size_t index = 0;
-  const std::vector<Entry> entries = Entries(scene_field.get());
+  const std::vector<Entry> entries = Entries(scene_field.get(), state->cameras);
   if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())
     Reject(path, "header lists other tensors");
   for (const Entry& entry : entries) {

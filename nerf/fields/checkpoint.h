@@ -1,6 +1,6 @@
 // The state of a training run in one file: field, Adam moments, occupancy, schedule. A format of our own that
 // holds data alone, so that reading a file never runs code from it:
-//   8 bytes magic "NERFCKP5", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
+//   8 bytes magic "NERFCKP6", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
 //   tensors (float32, and bytes for the occupancy grid's distances).
 // The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
 // length field.
@@ -22,8 +22,9 @@ struct TrainState {
   int n_rays = 2048;               // size of the next batch
   double learning_rate_scale = 1;  // halved after each non-finite step
   int skipped_steps = 0, restarts = 0;
-  double squared_error = -1;  // running mean over pixels and channels; -1: none yet
-  int channels = 3;           // of the pictures
+  double squared_error = -1;   // running mean over pixels and channels; -1: none yet
+  int channels = 3;            // of the pictures
+  std::vector<float> cameras;  // what refining them keeps, see training/camera_refinement.h; may be empty
 };
 
 void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state);

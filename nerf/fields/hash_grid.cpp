@@ -71,6 +71,23 @@ void HashGrid::Scatter(
                                    gradients);
 }
 
+template <typename Real>
+void HashGrid::PositionGradient(int level,
+                                const Real* feature_gradients,
+                                const Samples& samples,
+                                int n,
+                                float* const gradients[3]) const {
+  const kernels::NetworkKernels<Real>& kernels = kernels_.Network<Real>();
+  const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
+  const std::size_t at = l.first_entry * kernels::kFeatures;
+  const float *x = samples.x.data(), *y = samples.y.data(), *z = samples.z.data();
+  if (options_.bf16) {
+    kernels.position_gradient_bf16(l, &rounded_[at], feature_gradients, x, y, z, n, gradients);
+  } else {
+    kernels.position_gradient(l, &table_[at], feature_gradients, x, y, z, n, gradients);
+  }
+}
+
 void HashGrid::Step(int level, const kernels::AdamStep& step, float* gradients) {
   const kernels::GridLevel& l = levels_[static_cast<std::size_t>(level)];
   const std::size_t first = l.first_entry * kernels::kFeatures;
@@ -95,5 +112,8 @@ template void HashGrid::Encode(const Samples&, int, int, float*) const;
 template void HashGrid::Encode(const Samples&, int, int, kernels::Bf16*) const;
 template void HashGrid::Scatter(int, const float*, const Samples&, int, float*) const;
 template void HashGrid::Scatter(int, const kernels::Bf16*, const Samples&, int, float*) const;
+template void HashGrid::PositionGradient(int, const float*, const Samples&, int, float* const[3]) const;
+template void HashGrid::PositionGradient(
+    int, const kernels::Bf16*, const Samples&, int, float* const[3]) const;
 
 }  // namespace nerf

@@ -35,6 +35,13 @@ class HashGrid {
   template <typename Real>
   void Scatter(
       int level, const Real* feature_gradients, const Samples& samples, int n, float* gradients) const;
+  // Adds d loss / d position of samples [0, n) to gradients x, y, z; feature gradients as for Scatter.
+  template <typename Real>
+  void PositionGradient(int level,
+                        const Real* feature_gradients,
+                        const Samples& samples,
+                        int n,
+                        float* const gradients[3]) const;
   // Consumes and clears the gradients of one level.
   void Step(int level, const kernels::AdamStep& step, float* gradients);
   // Of the largest level. The gradients belong to the caller: one buffer per thread serves all levels and

@@ -16,22 +16,10 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "nerf/kernels/hash_grid_kernels.h"
 #include "nerf/kernels/march.h"
 
 namespace nerf::kernels {
-
-// Features per entry of the hash grid: one 16-byte load per corner.
-inline constexpr int kFeatures = 4;
-
-// One resolution level of the grid. Position x in [0, 1]^3 lies in cell floor(x * resolution); values are
-// trilinear. Dense levels index corners as x + stride * (y + stride * z) with stride = resolution + 1. Hashed
-// levels use (x ^ 2654435761 y ^ 805459861 z) mod 2^n [Teschner et al. 2003, Müller et al. 2022].
-struct GridLevel {
-  std::uint32_t resolution = 0;
-  std::uint32_t hash_mask = 0;  // entries - 1; 0: dense
-  std::size_t first_entry = 0;  // into the tables of the whole grid
-  std::size_t n_entries = 0;
-};
 
 // The upper half of a float: its range, 8 bits of precision. Rounded to nearest even.
 enum class Bf16 : std::uint16_t {};
@@ -48,18 +36,6 @@ struct AdamStep {
   float correction1 = 1, correction2 = 1;  // 1 / (1 - beta^step)
 };
 
-// features[i * row_stride + 0..3] = trilinear value of `table` (entries x kFeatures, of this level) at
-// positions x[i], y[i], z[i] in [0, 1]. Weights and sums are float.
-template <typename Table, typename Real>
-using EncodeFunction = void (*)(const GridLevel& level,
-                                const Table* table,
-                                const float* x,
-                                const float* y,
-                                const float* z,
-                                int n,
-                                Real* features,
-                                int row_stride);
-
 // What the networks and the grid compute, with activations as Real: float, or Bf16 with sums in float.
 template <typename Real>
 struct NetworkKernels {
@@ -75,6 +51,8 @@ struct NetworkKernels {
                   int n,
                   float* table_gradient);
 
+  PositionGradientFunction<float, Real> position_gradient;
+  PositionGradientFunction<Bf16, Real> position_gradient_bf16;
   // Weights w[k][m] in the order of the products: float as they are; Bf16 rounded, [k / 2][m][2].
   void (*pack)(int k, int m, const float* w, Real* packed);
   // y[n][m] = epilogue(x[n][k] w[k][m]); mask has y's shape and is read for kMask only.

@@ -43,11 +43,45 @@ struct SceneContraction {
     }
   }
 
+  // d loss / d x for given d loss / d unit, inside the cube: the transpose of ToUnit's Jacobian.
+  void PullBack(const float x[3], const float unit_gradient[3], float x_gradient[3]) const {
+    const float m = Reach(x);
+    float scale = unbounded ? 0.25f : 0.5f, along = 0;  // along: d / dm of the contraction's factor
+    int axis = 0;                                       // the one that m is measured on
+    float y[3];
+    for (int i = 0; i < 3; ++i) {
+      y[i] = (x[i] - centre[static_cast<std::size_t>(i)]) / half;
+      if (std::fabs(y[i]) == m) axis = i;
+    }
+    if (unbounded && m > 1.f) {
+      scale = 0.25f * (2.f - 1.f / m) / m;
+      along = 0.5f * (1.f / m - 1.f) / (m * m);
+    }
+    const float radial = y[0] * unit_gradient[0] + y[1] * unit_gradient[1] + y[2] * unit_gradient[2];
+    for (int i = 0; i < 3; ++i) x_gradient[i] = scale * unit_gradient[i] / half;
+    x_gradient[axis] += along * radial * (y[axis] > 0 ? 1.f : -1.f) / half;
+  }
+
   // Where a ray ends, on the faces of the cube of an unbounded scene: the limit of ToUnit(origin + t
   // direction) for t -> infinity, the same for all origins.
   void ToUnitAtInfinity(const float direction[3], float unit[3]) const {
     const float m = std::max({std::fabs(direction[0]), std::fabs(direction[1]), std::fabs(direction[2])});
     for (int i = 0; i < 3; ++i) unit[i] = std::clamp(0.5f * direction[i] / m + 0.5f, 0.f, 1.f);
+  }
+
+  // d loss / d direction for given d loss / d unit there.
+  static void PullBackAtInfinity(const float direction[3], const float unit_gradient[3], float gradient[3]) {
+    int axis = 0;
+    for (int i = 1; i < 3; ++i) {
+      if (std::fabs(direction[i]) > std::fabs(direction[axis])) axis = i;
+    }
+    const float m = std::fabs(direction[axis]);
+    float along = 0;
+    for (int i = 0; i < 3; ++i) {
+      gradient[i] = 0.5f * unit_gradient[i] / m;
+      along -= 0.5f * direction[i] * unit_gradient[i] / (m * m);
+    }
+    gradient[axis] += direction[axis] > 0 ? along : -along;
   }
 
   // Inverse of ToUnit for points inside the open cube.

@@ -139,6 +139,21 @@ void DifferentiateChunk(const HashShardContext<Real>& context,
   StoreFeatureGradients(chunk, context.grid.levels().size(), rows, shard);
 }
 
+template <typename Real>
+void DifferentiateCameras(const HashShardContext<Real>& context,
+                          HashShardScratch<Real>* scratch,
+                          HashShard<Real>* shard) {
+  const Samples& samples = shard->samples.sorted;
+  UnitGradients& unit = scratch->unit_gradients;
+  for (std::vector<float>& axis : unit) axis.assign(static_cast<std::size_t>(samples.size()), 0.f);
+  float* const gradients[3] = {unit[0].data(), unit[1].data(), unit[2].data()};
+  for (std::size_t l = 0; l < context.grid.levels().size(); ++l) {
+    const Real* feature_gradients = shard->feature_gradients.data() + l * shard->feature_gradient_stride;
+    context.grid.PositionGradient(static_cast<int>(l), feature_gradients, samples, samples.size(), gradients);
+  }
+  context.refinement->Differentiate(scratch->batch, shard->samples, unit, &shard->camera_gradients);
+}
+
 }  // namespace
 
 template <typename Real>
@@ -149,6 +164,7 @@ void RunHashShard(const HashShardContext<Real>& context,
   shard->samples.clear();
   shard->loss = {};
   shard->weight_gradients.assign(context.network.n_weights(), 0.f);
+  shard->camera_gradients.clear();
   DrawRays(context.dataset, context.sampler, context.plan, index, &scratch->batch);
   MarchShard(context, scratch, shard);
   shard->feature_gradient_stride = scratch->kept.place.size() * kernels::kFeatures;
@@ -158,6 +174,8 @@ void RunHashShard(const HashShardContext<Real>& context,
     chunk = NextChunk(shard->samples, context.plan, chunk.ray_end, kChunkRows);
     DifferentiateChunk(context, chunk, scratch, shard);
   }
+  if (context.refinement && CameraRefinement::LooksAt(index, context.plan.step))
+    DifferentiateCameras(context, scratch, shard);
 }
 
 template void RunHashShard(const HashShardContext<float>&, int, HashShardScratch<float>*, HashShard<float>*);

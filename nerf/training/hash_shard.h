@@ -6,6 +6,7 @@
 
 #include "nerf/fields/hash_grid.h"
 #include "nerf/fields/hash_network.h"
+#include "nerf/training/camera_refinement.h"
 #include "nerf/training/pixel_gradients.h"
 
 namespace nerf {
@@ -18,6 +19,7 @@ struct HashShardContext {
   const HashNetwork<Real>& network;
   const Sampler& sampler;
   const BatchPlan& plan;
+  const CameraRefinement* refinement = nullptr;  // null: cameras stay as they are
 };
 
 // What a shard leaves for the optimiser.
@@ -28,6 +30,7 @@ struct HashShard {
   std::vector<Real> feature_gradients;
   std::size_t feature_gradient_stride = 0;  // values between levels
   std::vector<float> weight_gradients;
+  std::vector<Vector6d> camera_gradients;  // [n_views], or empty: not looked at in this step
   ShardLoss loss;
 };
 
@@ -39,6 +42,7 @@ struct HashShardScratch {
   std::vector<Real> wave_features, kept_features, features;  // [n][32]: of a wave, as kept, and by ray
   PixelGradients pixels;
   NetworkRows<Real> rows;
+  UnitGradients unit_gradients;
 };
 
 template <typename Real>

@@ -31,6 +31,9 @@ constexpr std::uint64_t kProbeStride = 16, kFirstProbeStride = 4, kFirstSamples 
 // Few, so that rays end soon after they became opaque; the time that this saves is spent on more rays.
 constexpr int kWaveSamples = 4;
 
+// Of cameras, in pixels per step, at first. It falls as that of the field does.
+constexpr double kCameraLearningRate = 0.03;
+
 template <typename Real>
 class HashTraining : public FieldTraining {
  public:
@@ -39,6 +42,7 @@ class HashTraining : public FieldTraining {
                SceneField* scene_field,
                HashGrid* grid,
                HashNetwork<Real>* network,
+               CameraRefinement* refinement,
                io::Workers* workers)
       : dataset_(dataset),
         options_(options),
@@ -49,6 +53,7 @@ class HashTraining : public FieldTraining {
         scene_field_(scene_field),
         grid_(*grid),
         network_(*network),
+        refinement_(refinement),
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
@@ -64,6 +69,7 @@ class HashTraining : public FieldTraining {
   BatchPlan Plan(double progress, const TrainState& state) const;
   void RunShards(const BatchPlan& plan);
   void Merge(double progress, const TrainState& state);
+  void RefineCameras(double progress, const TrainState& state);
   void UpdateOccupancy(std::uint64_t done, std::uint64_t seed);
 
   const Dataset& dataset_;
@@ -74,6 +80,7 @@ class HashTraining : public FieldTraining {
   SceneField* scene_field_;
   HashGrid& grid_;
   HashNetwork<Real>& network_;
+  CameraRefinement* refinement_;  // may be null
   io::Workers* workers_;
   std::vector<HashShard<Real>> shards_;
   std::vector<HashShardScratch<Real>> scratch_;
@@ -102,7 +109,7 @@ BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) con
 template <typename Real>
 void HashTraining<Real>::RunShards(const BatchPlan& plan) {
   const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
-  const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan};
+  const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan, refinement_};
   workers_->Run(kShards, [&](int shard, int thread) {
     RunHashShard(context,
                  shard,
@@ -127,9 +134,20 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
     }
   }
   Merge(progress, *state);
+  if (refinement_) RefineCameras(progress, *state);
   UpdateOccupancy(state->step + 1, state->seed);
   state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
   return outcome;
+}
+
+template <typename Real>
+void HashTraining<Real>::RefineCameras(double progress, const TrainState& state) {
+  std::vector<Vector6d> sum(dataset_.views.size(), Vector6d::Zero());
+  for (const HashShard<Real>& shard : shards_) {
+    for (std::size_t v = 0; v < shard.camera_gradients.size(); ++v) sum[v] += shard.camera_gradients[v];
+  }
+  const double decay = schedule_.LearningRate(progress) / schedule_.learning_rate;
+  refinement_->Step(state.step + 1, kCameraLearningRate * decay, sum);
 }
 
 // After `done` steps.
@@ -179,11 +197,12 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
 std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
-                                                io::Workers* workers) {
+                                                io::Workers* workers,
+                                                CameraRefinement* refinement) {
   HashField& field = dynamic_cast<HashField&>(*scene_field->field);
   const auto make = [&]<typename Real>(HashNetwork<Real>& network) -> std::unique_ptr<FieldTraining> {
     return std::make_unique<HashTraining<Real>>(
-        dataset, options, scene_field, &field.grid(), &network, workers);
+        dataset, options, scene_field, &field.grid(), &network, refinement, workers);
   };
   return std::visit(make, field.network());
 }

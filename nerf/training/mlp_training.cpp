@@ -139,7 +139,8 @@ void MlpTraining::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
 std::unique_ptr<FieldTraining> MakeMlpTraining(const Dataset& dataset,
                                                const TrainOptions& options,
                                                SceneField* scene_field,
-                                               io::Workers* workers) {
+                                               io::Workers* workers,
+                                               CameraRefinement*) {
   return std::make_unique<MlpTraining>(dataset, options, scene_field, workers);
 }
 

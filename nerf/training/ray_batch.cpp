@@ -80,6 +80,7 @@ void DrawRays(
     for (int k = 0; k < plan.samples_per_pixel; ++k) {
       BatchRay ray{
           .id = (first + p) * samples_per_pixel + static_cast<std::uint64_t>(k),
+          .view = static_cast<std::size_t>(&dataset.ViewOf(draws[p].pixel) - dataset.views.data()),
           .ray = RayOf(dataset, plan, k, &draws[p]),
           .target = targets[p],
           .depth = draws[p].depth ? draws[p].depth->t : 0,

@@ -53,6 +53,7 @@ float FullGradientDistance(const Dataset& dataset);
 // A ray of the batch while it is marched.
 struct BatchRay {
   std::uint64_t id = 0;  // in the batch
+  std::size_t view = 0;
   Ray ray = {};
   PixelTarget target = {};
   float depth = 0;                             // distance of the sparse point that it goes through; 0: none

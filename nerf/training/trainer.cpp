@@ -2,16 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 
 #include "io/base/check.h"
 #include "io/base/interrupt.h"
+#include "io/base/median.h"
 #include "io/base/progress.h"
 #include "nerf/data/hull_pixels.h"
 #include "nerf/data/plain_background.h"
 #include "nerf/data/sparse_depth.h"
+#include "nerf/training/camera_refinement.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
 #include "nerf/training/training_clock.h"
@@ -35,11 +38,12 @@ double Db(double squared_error) { return -10 * std::log10(std::max(squared_error
 struct TrainingKind {
   FieldKind kind;
   decltype(&MakeHashTraining) make;
-  bool has_schedule;       // that of training_schedule.h
+  bool has_schedule;  // that of training_schedule.h
+  bool refines_cameras;
   bool drops_idle_pixels;  // those whose rays meet no cell of the visual hull
 };
-constexpr TrainingKind kTrainingKinds[] = {{FieldKind::kHash, MakeHashTraining, true, true},
-                                           {FieldKind::kMlp, MakeMlpTraining, false, false}};
+constexpr TrainingKind kTrainingKinds[] = {{FieldKind::kHash, MakeHashTraining, true, true, true},
+                                           {FieldKind::kMlp, MakeMlpTraining, false, false, false}};
 
 class Trainer {
  public:
@@ -74,6 +78,7 @@ class Trainer {
   void SaveWhenDue(double now);
   void ShowProgress(double now);
   void FillReport();
+  void DescribeCameras();
 
   TrainingClock clock_;  // from here on, the reading of the pictures included
   const io::Scene &scene_, &heldout_;
@@ -86,6 +91,7 @@ class Trainer {
   std::unique_ptr<SceneField> scene_field_;
   TrainState state_;
   TrainingCurve curve_;
+  std::optional<CameraRefinement> refinement_;  // of photographs
   std::unique_ptr<FieldTraining> training_;
   TrainReport report_;
   double loss_ = 0, opacity_ = 0;
@@ -103,7 +109,12 @@ void Trainer::MakeTraining() {
     DropPixelsBesideHull(
         scene_, scene_field_->contraction, scene_field_->grid.resolution(), &workers_, &dataset_);
   }
-  training_ = kind_.make(dataset_, options_, scene_field_.get(), &workers_);
+  if (options_.refine_cameras && kind_.refines_cameras && scene_field_->contraction.unbounded) {
+    refinement_.emplace(
+        scene_, scene_field_->contraction, options_.field.PixelOffset(), &dataset_, &state_.cameras);
+  }
+  training_ =
+      kind_.make(dataset_, options_, scene_field_.get(), &workers_, refinement_ ? &*refinement_ : nullptr);
 }
 
 void Trainer::MakeField() {
@@ -250,6 +261,29 @@ void Trainer::FillReport() {
   report_.skipped_steps = state_.skipped_steps;
   report_.restarts = state_.restarts;
   report_.arithmetic = training_->Arithmetic();
+  if (refinement_) DescribeCameras();
+}
+
+void Trainer::DescribeCameras() {
+  const std::vector<double> motions = refinement_->Motions();
+  const std::vector<io::Rigid3d> poses = refinement_->WorldFromCam();
+  std::vector<double> moved;
+  for (std::size_t v = 0; v < motions.size(); ++v) {
+    if (motions[v] == 0) continue;
+    moved.push_back(motions[v]);
+    report_.moved_cameras.push_back({scene_.frames[v].image_path.filename().string(), motions[v], poses[v]});
+  }
+  if (moved.empty()) {
+    report_.events.push_back("cameras: the pictures pull at none of them");
+    return;
+  }
+  report_.events.push_back(
+      fmt::format("cameras: {} of {} moved where their pictures pulled, by {:.2f} px in the "
+                  "median and at most {:.2f}",
+                  moved.size(),
+                  motions.size(),
+                  io::Median(moved),
+                  *std::max_element(moved.begin(), moved.end())));
 }
 
 TrainReport Trainer::Run() {

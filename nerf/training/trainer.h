@@ -37,6 +37,7 @@ struct TrainOptions {
   int threads = 1;
   double learning_rate = 0;        // Adam; 0: the field's own, above
   int samples_per_step = 1 << 14;  // `hash`: target; the number of rays follows from the samples they meet
+  bool refine_cameras = true;      // `hash`, photographs: move the poses that their rays pull at
   double min_weight = 1e-4;        // `hash`: samples with less weight are not differentiated
   std::optional<TrainingSchedule> schedule;  // `hash`; otherwise by what time or steps afford
   double checkpoint_every_s = 60;
@@ -52,6 +53,13 @@ TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha);
 // The report's values in all options that it determines: corners, ReLU density, uniform start, constant rate,
 // 192 stratified samples with an open end on [near, far], 4096 rays, white background, 100,000 steps.
 TrainOptions ReportTrainOptions();
+
+// A training view whose pose was refined.
+struct MovedCamera {
+  std::string name;
+  double motion_px;  // of its picture, root mean square
+  io::Rigid3d world_from_cam;
+};
 
 struct TrainReport {
   std::uint64_t steps = 0;
@@ -69,6 +77,7 @@ struct TrainReport {
   std::string arithmetic;           // "avx512 kernels", "LibTorch 1.13.0 (CPU), bf16"
   std::vector<std::string> events;  // resume, restart, skipped steps
   std::vector<CurvePoint> curve;
+  std::vector<MovedCamera> moved_cameras;
 };
 
 // Writes checkpoint.bin and curve.csv into `folder`; continues from them when they are there. heldout may

@@ -187,6 +187,17 @@ void CaseList::AddGrid(int log2_entries, const std::shared_ptr<LayerData<Real>>&
           grid.encode(level, data->table.data(), x, y, z, kRows, rows->features.data(), kInputs);
         }
       });
+  add("position_gradient",
+      kGather,
+      sizeof(Real) == 2 ? "8B" : "16B",
+      [=, &grid, data = data_](const float* x, const float* y, const float* z) {
+        float* const to[3] = {rows->sums.data(), rows->sums.data() + kRows, rows->sums.data() + 2 * kRows};
+        if constexpr (sizeof(Real) == 2) {
+          grid.position_gradient_bf16(level, data->rounded.data(), rows->x.data(), x, y, z, kRows, to);
+        } else {
+          grid.position_gradient(level, data->table.data(), rows->x.data(), x, y, z, kRows, to);
+        }
+      });
   add("scatter", kUpdate, "16B", [=, &grid, data = data_](const float* x, const float* y, const float* z) {
     grid.scatter(level, rows->x.data(), x, y, z, kRows, data->gradient.data());
   });

@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
+#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
 #include "nerf/training/target_training.h"
@@ -42,6 +44,20 @@ io::Scene MonitoredScene(const std::filesystem::path& scene_folder,
   return aside;
 }
 
+// Of the cameras that training moved, with the transform_matrix of transforms.json.
+void WriteMovedCameras(const std::filesystem::path& path, const std::vector<nerf::MovedCamera>& cameras) {
+  nlohmann::json frames = nlohmann::json::array();
+  for (const nerf::MovedCamera& camera : cameras) {
+    const Eigen::Matrix3d& r = camera.world_from_cam.rotation;
+    const Eigen::Vector3d& t = camera.world_from_cam.translation;
+    nlohmann::json rows;
+    for (int i = 0; i < 3; ++i) rows.push_back({r(i, 0), r(i, 1), r(i, 2), t[i]});
+    rows.push_back({0, 0, 0, 1});
+    frames.push_back({{"name", camera.name}, {"moved_px", camera.motion_px}, {"transform_matrix", rows}});
+  }
+  io::WriteFileAtomically(path, nlohmann::json{{"frames", frames}}.dump(1) + "\n");
+}
+
 void TrainStage(int argc, const char* const* argv) {
   CommonOptions common;
   TrainFlags flags;
@@ -63,6 +79,7 @@ void TrainStage(int argc, const char* const* argv) {
   const io::Scene monitored = MonitoredScene(scene_folder, train.target_psnr > 0, &scene, &run);
   const auto train_field = train.target_psnr > 0 ? nerf::TrainToTarget : nerf::Train;
   const nerf::TrainReport report = train_field(scene, monitored, train, run.folder());
+  WriteMovedCameras(run.folder() / "cameras.json", report.moved_cameras);
   if (!report.derivation.empty()) run.Decide(report.derivation);
   for (const std::string& event : report.events) run.Decide(event);
   run.Decide(
@@ -92,6 +109,7 @@ void TrainStage(int argc, const char* const* argv) {
   run.Set("rays_per_s", report.rays_per_s);
   run.Set("samples_per_ray", report.samples_per_ray);
   if (std::isfinite(report.heldout_psnr)) run.Set("monitored_heldout_psnr", report.heldout_psnr);
+  run.Set("moved_cameras", static_cast<double>(report.moved_cameras.size()));
   run.Set("skipped_steps", report.skipped_steps);
   run.Set("restarts", report.restarts);
   run.Finish();

@@ -70,6 +70,9 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
                &flags->batch,
                "samples per step, 1024 or more; 0 = the field's own",
                {.min = 0, .max = kMaxBatch});
+  options->Add("refine-cameras",
+               &train.refine_cameras,
+               "hash, photographs: move the poses that their own pictures pull at");
   options->Add(
       "learning-rate", &train.learning_rate, "first learning rate of Adam; 0 = the field's own", {.min = 0});
   options->Add("log2-hashmap-size",

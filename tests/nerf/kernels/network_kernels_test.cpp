@@ -240,8 +240,67 @@ TYPED_TEST(NetworkKernelsTest, EncodeAndScatterMatchTheReferenceOnDenseAndHashed
       reference::Scatter(
           level, ToDouble(df).data(), xd.data(), yd.data(), zd.data(), n, gradient_exact.data());
       for (std::size_t i = 0; i < gradient.size(); ++i) ASSERT_NEAR(gradient[i], gradient_exact[i], 2e-4);
+      // Slopes differ from cell to cell: where rounding can put a position into the next one, they are not
+      // compared.
+      const auto near_a_face = [&](float p) {
+        const double scaled = double{p} * level.resolution;
+        return std::fabs(scaled - std::round(scaled)) < 1e-4;
+      };
+      const auto expect_slopes = [&](const Doubles& exact_table, const auto& differentiate) {
+        std::vector<float> slopes[3];
+        Doubles exact[3];
+        for (int axis = 0; axis < 3; ++axis) slopes[axis].assign(n, 0.5f), exact[axis].assign(n, 0.5);
+        float* const to[3] = {slopes[0].data(), slopes[1].data(), slopes[2].data()};
+        double* const exact_to[3] = {exact[0].data(), exact[1].data(), exact[2].data()};
+        differentiate(to);
+        reference::PositionGradient(
+            level, exact_table.data(), ToDouble(df).data(), xd.data(), yd.data(), zd.data(), n, exact_to);
+        int compared = 0;
+        for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+          if (near_a_face(x[i]) || near_a_face(y[i]) || near_a_face(z[i])) continue;
+          for (int axis = 0; axis < 3; ++axis)
+            ASSERT_NEAR(slopes[axis][i], exact[axis][i], 1e-4 * level.resolution) << i;
+          ++compared;
+        }
+        ASSERT_GT(compared, n - 20);
+      };
+      expect_slopes(ToDouble(table), [&](float* const to[3]) {
+        kernels.position_gradient(level, table.data(), df.data(), x.data(), y.data(), z.data(), n, to);
+      });
+      expect_slopes(ToDouble(table_bf16), [&](float* const to[3]) {
+        kernels.position_gradient_bf16(
+            level, table_bf16.data(), df.data(), x.data(), y.data(), z.data(), n, to);
+      });
     }
   });
+}
+
+// Trilinear values are linear along each axis within a cell, so central differences are exact.
+TEST(Reference, PositionGradientIsTheSlopeOfTheFeatures) {
+  for (const std::uint32_t mask : {0u, 255u}) {
+    const GridLevel level{.resolution = 5, .hash_mask = mask, .n_entries = 256};
+    const Doubles table = ToDouble(Uniform<float>(256 * kFeatures, 4)),
+                  df = ToDouble(Uniform<float>(kFeatures, 5));
+    for (std::uint64_t seed = 0; seed < 50; ++seed) {
+      double position[3], slopes[3] = {0, 0, 0};
+      for (std::uint64_t i = 0; i < 3; ++i)  // inside a cell
+        position[i] = (static_cast<double>((seed * (i + 3)) % 5) + 0.1 +
+                       0.8 * Uniform<float>(1, 9 * seed + i, 0, 1)[0]) /
+                      5;
+      double* const to[3] = {&slopes[0], &slopes[1], &slopes[2]};
+      reference::PositionGradient(
+          level, table.data(), df.data(), &position[0], &position[1], &position[2], 1, to);
+      for (int axis = 0; axis < 3; ++axis) {
+        const auto value = [&](double step) {
+          double at[3] = {position[0], position[1], position[2]}, features[kFeatures];
+          at[axis] += step;
+          reference::Encode(level, table.data(), &at[0], &at[1], &at[2], 1, features, kFeatures);
+          return std::inner_product(features, features + kFeatures, df.begin(), 0.0);
+        };
+        ASSERT_NEAR(slopes[axis], (value(1e-3) - value(-1e-3)) / 2e-3, 1e-9) << seed;
+      }
+    }
+  }
 }
 
 // Each gradient is the transpose of its forward pass, <dy, A x> = <A^T dy, x>, in double.

@@ -65,6 +65,40 @@ TEST(SceneContraction, RaysEndOnTheFacesWhateverTheirOrigin) {
   }
 }
 
+// Against central differences of float values with steps of 1e-3: rounding is 1e-4 of a unit.
+TEST(SceneContraction, GradientsArePulledBackThroughTheMap) {
+  constexpr float kStep = 1e-3f, kRounding = 2e-4f;
+  for (const bool unbounded : {false, true}) {
+    const SceneContraction contraction = Contraction(unbounded);
+    int outside = 0;
+    for (std::uint64_t seed = 0; seed < 200; ++seed) {
+      io::Random random(seed, io::Stream::kInit, 3, 0);
+      float x[3], d_unit[3], d_x[3];
+      const float size = unbounded ? 8.f : 0.5f;
+      for (float& v : x) v = size * (2 * random.Uniform() - 1);
+      for (float& v : d_unit) v = 2 * random.Uniform() - 1;
+      contraction.PullBack(x, d_unit, d_x);
+      outside += contraction.Reach(x) > 1;
+      for (int i = 0; i < 3; ++i) {
+        float ahead[3] = {x[0], x[1], x[2]}, behind[3] = {x[0], x[1], x[2]}, a[3], b[3], slope = 0;
+        ahead[i] += kStep, behind[i] -= kStep;
+        contraction.ToUnit(ahead, a), contraction.ToUnit(behind, b);
+        for (int j = 0; j < 3; ++j) slope += d_unit[j] * (a[j] - b[j]) / (2 * kStep);
+        ASSERT_NEAR(d_x[i], slope, kRounding) << "seed " << seed << ", reach " << contraction.Reach(x);
+      }
+      SceneContraction::PullBackAtInfinity(x, d_unit, d_x);
+      for (int i = 0; i < 3 && contraction.Reach(x) > 0.5f; ++i) {
+        float ahead[3] = {x[0], x[1], x[2]}, behind[3] = {x[0], x[1], x[2]}, a[3], b[3], slope = 0;
+        ahead[i] += kStep, behind[i] -= kStep;
+        contraction.ToUnitAtInfinity(ahead, a), contraction.ToUnitAtInfinity(behind, b);
+        for (int j = 0; j < 3; ++j) slope += d_unit[j] * (a[j] - b[j]) / (2 * kStep);
+        ASSERT_NEAR(d_x[i], slope, 1e-2f * std::fabs(slope) + 10 * kRounding) << "seed " << seed;
+      }
+    }
+    EXPECT_TRUE(!unbounded || outside > 100);
+  }
+}
+
 TEST(SceneContraction, NoRayIsFasterThanTheBoundAndSomeReachIt) {
   const SceneContraction contraction = Contraction(true);
   const auto slack = [&](const Ray& ray, float t) {
