@@ -1,9 +1,9 @@
 #include "nerf/training/camera_refinement.h"
 
 #include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 

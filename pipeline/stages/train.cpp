@@ -2,9 +2,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
-#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
 #include "nerf/training/target_training.h"
@@ -13,6 +11,7 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/heldout_split.h"
+#include "pipeline/stages/moved_cameras.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/train_options.h"
@@ -42,20 +41,6 @@ io::Scene MonitoredScene(const std::filesystem::path& scene_folder,
                           aside.frames.size(),
                           aside.frames.size() + train->frames.size()));
   return aside;
-}
-
-// Of the cameras that training moved, with the transform_matrix of transforms.json.
-void WriteMovedCameras(const std::filesystem::path& path, const std::vector<nerf::MovedCamera>& cameras) {
-  nlohmann::json frames = nlohmann::json::array();
-  for (const nerf::MovedCamera& camera : cameras) {
-    const Eigen::Matrix3d& r = camera.world_from_cam.rotation;
-    const Eigen::Vector3d& t = camera.world_from_cam.translation;
-    nlohmann::json rows;
-    for (int i = 0; i < 3; ++i) rows.push_back({r(i, 0), r(i, 1), r(i, 2), t[i]});
-    rows.push_back({0, 0, 0, 1});
-    frames.push_back({{"name", camera.name}, {"moved_px", camera.motion_px}, {"transform_matrix", rows}});
-  }
-  io::WriteFileAtomically(path, nlohmann::json{{"frames", frames}}.dump(1) + "\n");
 }
 
 void TrainStage(int argc, const char* const* argv) {

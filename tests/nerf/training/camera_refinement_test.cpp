@@ -10,7 +10,6 @@
 #include "io/base/error.h"
 #include "io/base/median.h"
 #include "io/base/random.h"
-#include "nerf/rendering/trained_field.h"
 #include "nerf/training/trainer.h"
 #include "tests/support/ball_scene.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-// `pipeline train`: which pictures a target is measured on.
+// `pipeline train`: which pictures a target is measured on, and what is written of cameras.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +8,7 @@
 #include "io/base/owned_folder.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/moved_cameras.h"
 #include "pipeline/stages/stages.h"
 #include "tests/support/sphere_field.h"
 #include "tests/support/temp_dir.h"
@@ -63,6 +64,22 @@ TEST_F(TrainTest, OrOnTheValidationPicturesThatAreGiven) {
   const std::string decisions = Decisions({"--target=1dB", "--time=5s"});
   EXPECT_THAT(decisions, HasSubstr("validation views at"));
   EXPECT_THAT(decisions, Not(HasSubstr("set aside")));
+}
+
+TEST_F(TrainTest, CamerasThatMovedAreWritten) {
+  Decisions({"--steps=2"});
+  EXPECT_EQ(nlohmann::json::parse(io::ReadFile(out_ / "train/cameras.json"))["frames"],
+            nlohmann::json::array());
+
+  io::Rigid3d pose;
+  pose.rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  pose.translation << 2, 3, 4;
+  pipeline::WriteMovedCameras(out_ / "cameras.json", {{"a.png", 1.5, pose}});
+  const nlohmann::json frame = nlohmann::json::parse(io::ReadFile(out_ / "cameras.json"))["frames"].at(0);
+  EXPECT_EQ(frame["name"], "a.png");
+  EXPECT_EQ(frame["moved_px"], 1.5);
+  EXPECT_EQ(frame["transform_matrix"],
+            nlohmann::json({{0, -1, 0, 2}, {1, 0, 0, 3}, {0, 0, 1, 4}, {0, 0, 0, 1}}));
 }
 
 }  // namespace
