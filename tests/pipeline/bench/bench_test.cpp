@@ -90,8 +90,9 @@ TEST(Bench, FieldKernelsAreTimedBesideTheirLimits) {
     times += line.find(",time,ns/") != std::string::npos;
     shares += line.find(",share of limit,%,") != std::string::npos;
   }
-  // 2 formats of 6 x (encode, scatter), 5 x (matmul, matmul_gradient), head, head_gradient, 4 x
-  // optimiser; 3 functions and march. One kind of arithmetic, 6 x 3 kinds of access, 3 streams.
+  // 2 formats of 6 x (encode, position_gradient, scatter), 5 x (matmul, matmul_gradient), head,
+  // head_gradient, 4 x optimiser; 3 functions and march. One kind of arithmetic, 6 x 3 kinds of access, 3
+  // streams.
   EXPECT_EQ(shares, 2 * (18 + 10 + 2 + 4) + 3 + 1);
   EXPECT_EQ(times, shares + 1 + 18 + 3);
   const std::string svg = ReadText(dir / "kernels.svg");
