@@ -168,7 +168,7 @@ void CameraRefinement::EndWindow(std::size_t view) {
   auto sum = Values(view, kSum), squares = Values(view, kSquares);
   const double n = WindowSteps(view);
   const Vector6d mean = sum.cast<double>() / n, variance = squares.cast<double>() / n - mean.cwiseAbs2();
-  const double t2 = (n * mean.cwiseAbs2().array() / (variance.array() + kTinyVariance)).mean();
+  const double t2 = (kMinWindow * mean.cwiseAbs2().array() / (variance.array() + kTinyVariance)).mean();
   IsMoving(view) = t2 > kMovingT * kMovingT ? 1.f : 0.f;
   sum.setZero(), squares.setZero();
   WindowSteps(view) = 0;

@@ -8,7 +8,9 @@
 // Each step gives every view a noisy gradient g of the loss over z. At a right pose its mean is zero. The
 // steps are cut into windows, each at least a quarter as long as the run so far, and after each one a view's
 // mean is compared with its noise,
-//   t^2 = mean over the six parameters of n mean(g)^2 / var(g),    about 1 where the mean is zero.
+//   t^2 = mean over the six parameters of 100 mean(g)^2 / var(g),
+// at most about 1 where the mean is zero. It counts 100 steps, those of the shortest window, also in longer
+// ones, which are surer but see no smaller pulls: moving after those costs more than it brings.
 // A view moves, by Adam, during the windows that follow one with t > kMovingT. So poses that are right to
 // what the pictures can tell stay as they are, bit for bit, and those that are not move until nothing pulls
 // any more.
@@ -33,7 +35,8 @@ using UnitGradients = std::array<std::vector<float>, 3>;
 
 class CameraRefinement {
  public:
-  // By chance a right pose has a larger t in one window of 2000.
+  // By chance a right pose has a larger t in one of 2000 windows of 100 steps, and hardly ever in longer
+  // ones.
   static constexpr double kMovingT = 2;
 
   // The views of `dataset` are the frames of `scene`, and move; both must outlive the refinement. state: of
