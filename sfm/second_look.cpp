@@ -15,9 +15,11 @@ namespace {
 // a few pairs, by which it was found.
 constexpr double kMaxContradictingShare = 0.5;
 
-// A pose is too uncertain when one standard deviation of its rotation moves the picture by more than this
-// share of its longer side, three pixels in a thousand, and is so much larger than those of the other
-// pictures.
+// A pose is too uncertain when it hangs on fewer points than COLMAP's defaults ask for (relaxed attempts take
+// half as many), and one standard deviation of its rotation moves the picture by more than this share of its
+// longer side, three pixels in a thousand, and is so much larger than those of the other pictures. Behind a
+// long lens right poses are as uncertain, but on more points.
+constexpr int kFewPoints = 30;
 constexpr double kMaxPoseSigmaShare = 0.003, kMaxPoseSigmaRatio = 5;
 constexpr double kRadians = 3.14159265358979323846 / 180;
 
@@ -110,14 +112,16 @@ std::vector<UncertainPicture> UncertainPictures(const io::ColmapModel& model,
   for (const PoseUncertainty& pose : uncertainty.poses) rotations.push_back(pose.rotation_deg);
   if (rotations.empty()) return {};
   const double median = io::Median(rotations);
+  std::vector<int> n_points(rotations.size(), 0);
+  for (const io::Observation& observation : model.observations) ++n_points[Index(observation.frame_index)];
   std::vector<UncertainPicture> uncertain;
   for (std::size_t i = 0; i < rotations.size(); ++i) {
     const io::Frame& frame = model.scene.frames[i];
     const io::Camera& camera = model.scene.cameras[Index(frame.camera_index)];
     const double share =
         rotations[i] * kRadians * std::max(camera.fl_x, camera.fl_y) / std::max(camera.width, camera.height);
-    if (share > kMaxPoseSigmaShare && rotations[i] > kMaxPoseSigmaRatio * median)
-      uncertain.push_back({frame.image_path.string(), rotations[i], median});
+    if (n_points[i] < kFewPoints && share > kMaxPoseSigmaShare && rotations[i] > kMaxPoseSigmaRatio * median)
+      uncertain.push_back({frame.image_path.string(), n_points[i], rotations[i], median});
   }
   std::sort(uncertain.begin(), uncertain.end(), [](const UncertainPicture& a, const UncertainPicture& b) {
     return a.rotation_deg > b.rotation_deg;

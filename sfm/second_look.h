@@ -34,6 +34,7 @@ std::vector<std::string> DropContradicted(const std::vector<std::string>& names,
 
 struct UncertainPicture {
   std::string name;
+  int n_points;         // that it observes
   double rotation_deg;  // one standard deviation
   double median_deg;    // of all pictures
 };

@@ -208,9 +208,10 @@ void Session::DropUncertainPictures() {
   std::set<std::string> names;
   for (const UncertainPicture& picture : UncertainPictures(result_.model, result_.uncertainty)) {
     decide_(
-        fmt::format("{}: taken out, because its pose is uncertain by {:.2f} degrees, {:.0f} times as much as "
-                    "those of others",
+        fmt::format("{}: taken out, because its pose hangs on {} points and is uncertain by {:.2f} degrees, "
+                    "{:.0f} times as much as those of others",
                     picture.name,
+                    picture.n_points,
                     picture.rotation_deg,
                     picture.rotation_deg / picture.median_deg));
     names.insert(picture.name);

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -24,34 +23,13 @@ constexpr double kBeta1 = 0.9, kBeta2 = 0.99;  // of Adam
 // Added to variances: far below those of any gradient.
 constexpr double kTinyVariance = 1e-30;
 
-using Jacobian = Eigen::Matrix<double, 2, 6>;
-
-// d pixel / d (c, w) of a point in camera coordinates, which look along -z.
-Jacobian PixelJacobian(const io::Camera& camera, const Eigen::Vector3d& x) {
-  const double depth = -x.z();
-  Eigen::Matrix<double, 2, 3> pixel_of_x;
-  pixel_of_x << camera.fl_x / depth, 0, camera.fl_x * x.x() / (depth * depth),  //
-      0, -camera.fl_y / depth, -camera.fl_y * x.y() / (depth * depth);
-  Eigen::Matrix3d cross;  // x seen from the turned camera: exp(-w) x = x + x cross w
-  cross << 0, -x.z(), x.y(), x.z(), 0, -x.x(), -x.y(), x.x(), 0;
-  Eigen::Matrix<double, 3, 6> x_of_motion;
-  x_of_motion << -Eigen::Matrix3d::Identity(), cross;
-  return pixel_of_x * x_of_motion;
-}
-
-// The point at a distance along the ray through a pixel, in camera coordinates.
-Eigen::Vector3d InCamera(const io::Camera& camera, double x, double y, double distance) {
-  const Eigen::Vector3d ray((x - camera.cx) / camera.fl_x, -(y - camera.cy) / camera.fl_y, -1);
-  return ray.normalized() * distance;
-}
-
 // Of points on a lattice over the picture, for views without sparse points.
 Matrix6d MeanSquareOfLattice(const io::Camera& camera, double distance) {
   constexpr int kSide = 5;
   Matrix6d sum = Matrix6d::Zero();
   for (int i = 0; i < kSide * kSide; ++i) {
     const double x = (i % kSide + 0.5) / kSide * camera.width, y = (i / kSide + 0.5) / kSide * camera.height;
-    const Jacobian j = PixelJacobian(camera, InCamera(camera, x, y, distance));
+    const PixelJacobian j = PixelOfMotion(camera, PointInCamera(camera, x, y, distance));
     sum += j.transpose() * j;
   }
   return sum / (kSide * kSide);
@@ -88,7 +66,7 @@ CameraRefinement::CameraRefinement(const io::Scene& scene,
   std::vector<std::size_t> counts(n, 0);
   for (const SparseDepth& depth : dataset->depths) {
     const io::Camera& camera = CameraOf(depth.view);
-    const Jacobian j = PixelJacobian(camera, InCamera(camera, depth.x, depth.y, depth.t));
+    const PixelJacobian j = PixelOfMotion(camera, PointInCamera(camera, depth.x, depth.y, depth.t));
     sums[depth.view] += j.transpose() * j;
     ++counts[depth.view];
   }
@@ -108,13 +86,8 @@ const io::Camera& CameraRefinement::CameraOf(std::size_t view) const {
 }
 
 io::Rigid3d CameraRefinement::Moved(std::size_t view) const {
-  const io::Rigid3d& from = scene_.frames[view].world_from_cam;
-  const Vector6d x = preconditioners_[view] * Values(view, kMotion).cast<double>();
-  const Eigen::Vector3d w = x.tail<3>();
-  io::Rigid3d moved = from;
-  moved.translation += from.rotation * x.head<3>();
-  if (w.norm() > 0) moved.rotation = from.rotation * Eigen::AngleAxisd(w.norm(), w.normalized());
-  return moved;
+  return MovedPose(scene_.frames[view].world_from_cam,
+                   preconditioners_[view] * Values(view, kMotion).cast<double>());
 }
 
 void CameraRefinement::Differentiate(const RayBatch& batch,

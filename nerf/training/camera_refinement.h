@@ -10,7 +10,7 @@
 // mean is compared with its noise,
 //   t^2 = mean over the six parameters of 100 mean(g)^2 / var(g),
 // at most about 1 where the mean is zero. It counts 100 steps, those of the shortest window, also in longer
-// ones, which are surer but see no smaller pulls: moving after those costs more than it brings.
+// ones, which are surer: a pull that 100 steps do not show moves a picture by less than it is sharp.
 // A view moves, by Adam, during the windows that follow one with t > kMovingT. So poses that are right to
 // what the pictures can tell stay as they are, bit for bit, and those that are not move until nothing pulls
 // any more.
@@ -22,13 +22,11 @@
 #include <vector>
 
 #include "nerf/data/dataset.h"
+#include "nerf/sampling/pose_motion.h"
 #include "nerf/sampling/scene_contraction.h"
 #include "nerf/training/shard_samples.h"
 
 namespace nerf {
-
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 // d loss / d unit of a shard's sorted samples [n] along each axis, unit being the position in the unit cube.
 using UnitGradients = std::array<std::vector<float>, 3>;

@@ -14,6 +14,13 @@ namespace nerf {
 
 struct TrainOptions;
 class CameraRefinement;
+class NearCameras;
+
+// What training has in captures alone. `nerf` uses neither.
+struct CaptureTerms {
+  CameraRefinement* refinement = nullptr;     // null: cameras stay
+  const NearCameras* near_cameras = nullptr;  // null: light near cameras costs nothing
+};
 
 struct StepOutcome {
   std::uint64_t n_rays = 0, n_samples = 0;
@@ -36,18 +43,17 @@ class FieldTraining {
   virtual double GemmGflops() const { return 0; }
 };
 
-// All arguments must outlive the result. refinement: null where cameras stay; `nerf` has none. Results depend
-// on seed and step, not on the number of workers.
+// All arguments must outlive the result. Results depend on seed and step, not on the number of workers.
 std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 io::Workers* workers,
-                                                CameraRefinement* refinement = nullptr);
+                                                const CaptureTerms& terms = {});
 std::unique_ptr<FieldTraining> MakeMlpTraining(const Dataset& dataset,
                                                const TrainOptions& options,
                                                SceneField* scene_field,
                                                io::Workers* workers,
-                                               CameraRefinement* refinement = nullptr);
+                                               const CaptureTerms& terms = {});
 
 // The next batch aims at `wanted` samples; at most a factor 2 per step, since one batch may be unusual.
 int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high);

@@ -22,6 +22,11 @@ constexpr float kEarlyStopDepth = 4.6f, kUnboundedEarlyStopDepth = 3.9f;
 constexpr double kUnboundedDistortion = 0.005, kDistortionShare = 0.15;
 // Of the depths of sparse points, in unbounded scenes. They form the surface early, which saves samples.
 constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
+// Of light near the cameras, in unbounded scenes: a surface that moves away by a tenth of the reach gains as
+// much as a squared error of 45 dB costs, so that little more than ties is decided. At first, while the light
+// comes from fog, it weighs so many times more, falling over the first share of a run: a wall that has
+// become opaque hardly moves.
+constexpr double kNearnessWeight = 3e-4, kFirstNearness = 11, kNearnessShare = 0.25;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;
@@ -42,7 +47,7 @@ class HashTraining : public FieldTraining {
                SceneField* scene_field,
                HashGrid* grid,
                HashNetwork<Real>* network,
-               CameraRefinement* refinement,
+               const CaptureTerms& terms,
                io::Workers* workers)
       : dataset_(dataset),
         options_(options),
@@ -53,7 +58,7 @@ class HashTraining : public FieldTraining {
         scene_field_(scene_field),
         grid_(*grid),
         network_(*network),
-        refinement_(refinement),
+        terms_(terms),
         workers_(workers),
         shards_(kShards),
         scratch_(static_cast<std::size_t>(workers->n_threads())),
@@ -80,7 +85,7 @@ class HashTraining : public FieldTraining {
   SceneField* scene_field_;
   HashGrid& grid_;
   HashNetwork<Real>& network_;
-  CameraRefinement* refinement_;  // may be null
+  const CaptureTerms terms_;
   io::Workers* workers_;
   std::vector<HashShard<Real>> shards_;
   std::vector<HashShardScratch<Real>> scratch_;
@@ -100,6 +105,9 @@ BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) con
     plan.distortion = static_cast<float>(kUnboundedDistortion * std::min(1.0, progress / kDistortionShare));
     plan.full_gradient_distance = full_gradient_distance_;
     plan.depth_share = kDepthShare, plan.depth_weight = kDepthWeight;
+    const double first = std::max(0.0, 1 - progress / kNearnessShare);
+    plan.near_cameras = terms_.near_cameras;
+    plan.nearness_weight = static_cast<float>(kNearnessWeight * (1 + (kFirstNearness - 1) * first));
   }
   plan.ends_at_infinity = scene_field_->EndsAtInfinity();
   plan.min_weight = static_cast<float>(options_.min_weight);
@@ -109,7 +117,7 @@ BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) con
 template <typename Real>
 void HashTraining<Real>::RunShards(const BatchPlan& plan) {
   const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
-  const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan, refinement_};
+  const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan, terms_.refinement};
   workers_->Run(kShards, [&](int shard, int thread) {
     RunHashShard(context,
                  shard,
@@ -134,7 +142,7 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
     }
   }
   Merge(progress, *state);
-  if (refinement_) RefineCameras(progress, *state);
+  if (terms_.refinement) RefineCameras(progress, *state);
   UpdateOccupancy(state->step + 1, state->seed);
   state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
   return outcome;
@@ -147,7 +155,7 @@ void HashTraining<Real>::RefineCameras(double progress, const TrainState& state)
     for (std::size_t v = 0; v < shard.camera_gradients.size(); ++v) sum[v] += shard.camera_gradients[v];
   }
   const double decay = schedule_.LearningRate(progress) / schedule_.learning_rate;
-  refinement_->Step(state.step + 1, kCameraLearningRate * decay, sum);
+  terms_.refinement->Step(state.step + 1, kCameraLearningRate * decay, sum);
 }
 
 // After `done` steps.
@@ -198,11 +206,11 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
                                                 const TrainOptions& options,
                                                 SceneField* scene_field,
                                                 io::Workers* workers,
-                                                CameraRefinement* refinement) {
+                                                const CaptureTerms& terms) {
   HashField& field = dynamic_cast<HashField&>(*scene_field->field);
   const auto make = [&]<typename Real>(HashNetwork<Real>& network) -> std::unique_ptr<FieldTraining> {
     return std::make_unique<HashTraining<Real>>(
-        dataset, options, scene_field, &field.grid(), &network, refinement, workers);
+        dataset, options, scene_field, &field.grid(), &network, terms, workers);
   };
   return std::visit(make, field.network());
 }

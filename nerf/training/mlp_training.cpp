@@ -140,7 +140,7 @@ std::unique_ptr<FieldTraining> MakeMlpTraining(const Dataset& dataset,
                                                const TrainOptions& options,
                                                SceneField* scene_field,
                                                io::Workers* workers,
-                                               CameraRefinement*) {
+                                               const CaptureTerms&) {
   return std::make_unique<MlpTraining>(dataset, options, scene_field, workers);
 }
 

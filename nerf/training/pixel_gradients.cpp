@@ -43,6 +43,7 @@ class Compositor {
       rows_.weight_gradients.assign(static_cast<std::size_t>(n), 0.f);
       if (plan_.distortion > 0) loss->loss += Share() * Distort(ray);
       if (rays_[static_cast<std::size_t>(ray)].depth > 0) loss->loss += Share() * PullToDepth(ray);
+      if (plan_.near_cameras) loss->loss += Share() * PushFromCameras(ray);
       CompositeGradients(n,
                          rows_.weights.data() + begin,
                          rgb_ + 3 * begin,
@@ -94,6 +95,22 @@ class Compositor {
     for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
       const float gradient = plan_.depth_weight * DepthPenalty(samples_.sorted.t[samples_.First(ray) + i],
                                                                rays_[static_cast<std::size_t>(ray)].depth);
+      rows_.weight_gradients[i] += gradient;
+      loss += rows_.weights[begin + i] * gradient;
+    }
+    return loss;
+  }
+
+  // Weighted cost of light near the cameras, likewise.
+  float PushFromCameras(int ray) {
+    const auto [begin, n] = RowsOf(ray);
+    const Samples& samples = samples_.sorted;
+    const std::size_t first = samples_.First(ray);
+    float loss = 0;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      const float gradient =
+          plan_.nearness_weight *
+          plan_.near_cameras->At(samples.x[first + i], samples.y[first + i], samples.z[first + i]);
       rows_.weight_gradients[i] += gradient;
       loss += rows_.weights[begin + i] * gradient;
     }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "nerf/data/dataset.h"
+#include "nerf/data/near_cameras.h"
 #include "nerf/rendering/volume_rendering.h"
 #include "nerf/sampling/sampler.h"
 
@@ -36,6 +37,9 @@ struct BatchPlan {
   // `hash`: share of the pixels that are drawn among Dataset::depths, and weight of their loss
   // (depth_loss.h).
   float depth_share = 0, depth_weight = 0;
+  // `hash`: the loss of near_cameras.h and its weight; null: none.
+  const NearCameras* near_cameras = nullptr;
+  float nearness_weight = 0;
   // Optical depth at which a ray ends; the light left over counts as background, whatever lies behind.
   float early_stop_depth = 6.9f;
   // Samples of a ray in one wave. Its transmittance is looked at after each wave, so at most one wave is

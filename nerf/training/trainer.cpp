@@ -12,6 +12,7 @@
 #include "io/base/median.h"
 #include "io/base/progress.h"
 #include "nerf/data/hull_pixels.h"
+#include "nerf/data/near_cameras.h"
 #include "nerf/data/plain_background.h"
 #include "nerf/data/sparse_depth.h"
 #include "nerf/training/camera_refinement.h"
@@ -39,7 +40,7 @@ struct TrainingKind {
   FieldKind kind;
   decltype(&MakeHashTraining) make;
   bool has_schedule;  // that of training_schedule.h
-  bool refines_cameras;
+  bool has_capture_terms;
   bool drops_idle_pixels;  // those whose rays meet no cell of the visual hull
 };
 constexpr TrainingKind kTrainingKinds[] = {{FieldKind::kHash, MakeHashTraining, true, true, true},
@@ -91,7 +92,8 @@ class Trainer {
   std::unique_ptr<SceneField> scene_field_;
   TrainState state_;
   TrainingCurve curve_;
-  std::optional<CameraRefinement> refinement_;  // of photographs
+  std::optional<NearCameras> near_cameras_;     // of photographs ...
+  std::optional<CameraRefinement> refinement_;  // ... whose cameras may move
   std::unique_ptr<FieldTraining> training_;
   TrainReport report_;
   double loss_ = 0, opacity_ = 0;
@@ -109,12 +111,15 @@ void Trainer::MakeTraining() {
     DropPixelsBesideHull(
         scene_, scene_field_->contraction, scene_field_->grid.resolution(), &workers_, &dataset_);
   }
-  if (options_.refine_cameras && kind_.refines_cameras && scene_field_->contraction.unbounded) {
-    refinement_.emplace(
-        scene_, scene_field_->contraction, options_.field.PixelOffset(), &dataset_, &state_.cameras);
+  CaptureTerms terms;
+  if (kind_.has_capture_terms && scene_field_->contraction.unbounded) {
+    const SceneContraction& contraction = scene_field_->contraction;
+    terms.near_cameras = &near_cameras_.emplace(scene_, contraction, contraction.half, &workers_);
+    if (options_.refine_cameras)
+      terms.refinement =
+          &refinement_.emplace(scene_, contraction, options_.field.PixelOffset(), &dataset_, &state_.cameras);
   }
-  training_ =
-      kind_.make(dataset_, options_, scene_field_.get(), &workers_, refinement_ ? &*refinement_ : nullptr);
+  training_ = kind_.make(dataset_, options_, scene_field_.get(), &workers_, terms);
 }
 
 void Trainer::MakeField() {

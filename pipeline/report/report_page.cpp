@@ -9,6 +9,7 @@
 #include "io/base/progress.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
+#include "pipeline/report/budget_section.h"
 #include "pipeline/report/plot_svg.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/verdict.h"
@@ -64,9 +65,12 @@ std::string Headlines(const ReportData& data) {
     html += Card(fmt::format("{} of {}", data.registered, data.images), "pictures registered");
   if (data.has_scores) {
     html += Card(fmt::format("{:.2f} dB", data.scores.psnr_db),
-                 fmt::format("PSNR on unseen views, {}; {:.2f} with colours aligned",
+                 fmt::format("PSNR on unseen views, {}; {:.2f} with colours aligned{}",
                              data.scores.protocol,
-                             data.scores.aligned_psnr_db));
+                             data.scores.aligned_psnr_db,
+                             data.scores.budget ? fmt::format(", {:.2f} with their own poses fitted",
+                                                              data.scores.budget->fitted_psnr_db)
+                                                : ""));
     html += Card(fmt::format("{:.3f}", data.scores.ssim), "SSIM, 1 is perfect");
     html += Card(fmt::format("{:.3f}", data.scores.flip), "FLIP, 0 is perfect");
   }
@@ -302,10 +306,10 @@ std::string ReportPage(const ReportData& data) {
          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
          title + "</title>\n<style>" + kReportStyle + "</style></head>\n<body><main>\n<h1>" + title +
          "</h1>\n" + (data.input.empty() ? "" : Soft("From " + data.input)) + Headlines(data) +
-         FilmSection(data) + ViewsSection(data) + "<h2>Cameras and points</h2>\n" + ScenePart(data) +
-         "<h2>Training</h2>\n" + CurvePart(data) + StagesSection(data) + PicturesSection(data) +
-         DecisionsSection(data) + CommandsSection(data) + "</main>\n<script>" + kReportScript +
-         "</script>\n</body></html>\n";
+         FilmSection(data) + ViewsSection(data) + BudgetSection(data.scores) +
+         "<h2>Cameras and points</h2>\n" + ScenePart(data) + "<h2>Training</h2>\n" + CurvePart(data) +
+         StagesSection(data) + PicturesSection(data) + DecisionsSection(data) + CommandsSection(data) +
+         "</main>\n<script>" + kReportScript + "</script>\n</body></html>\n";
 }
 
 }  // namespace pipeline

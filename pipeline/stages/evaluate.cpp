@@ -7,6 +7,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/error_budget.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stage_options.h"
@@ -37,22 +38,27 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   const io::Scene train = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
   scores.training_psnr_db = TrainingPsnr(*field, train, options.threads);
   scores.protocol = ReadSceneRecord(common.out).protocol + (scores.masked ? ", masked" : "");
+  const Verdict verdict = Judge(scores);
+  // Where views are not shown at all, there is nothing that a pose could be fitted to.
+  if (verdict.outcome != Outcome::kFailed) MeasureErrors(*field, train, test, options.threads, &scores);
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
+  const std::string fitted =
+      scores.budget ? fmt::format(", own poses fitted {:.2f}", scores.budget->fitted_psnr_db) : "";
   std::printf("%s",
-              fmt::format("evaluate: {} held-out views ({}): PSNR {:.2f} dB (colours aligned {:.2f}), SSIM "
+              fmt::format("evaluate: {} held-out views ({}): PSNR {:.2f} dB (colours aligned {:.2f}{}), SSIM "
                           "{:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
                           scores.views.size(),
                           scores.protocol,
                           scores.psnr_db,
                           scores.aligned_psnr_db,
+                          fitted,
                           scores.ssim,
                           scores.flip,
                           worst.name,
                           worst.psnr_db)
                   .c_str());
-  const Verdict verdict = Judge(scores);
   if (verdict.outcome != Outcome::kReconstructed)
     stage.Decide(std::string(verdict.outcome == Outcome::kFailed ? "not reconstructed: " : "doubtful: ") +
                  verdict.text);
@@ -60,12 +66,14 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     stage.Decide(fmt::format("{} views lie 6 dB or more below the median: {}",
                              verdict.strays.size(),
                              fmt::join(verdict.strays, ", ")));
+  for (const std::string& advice : Advice(scores)) stage.Decide(advice);
   if (scores.masked) stage.Decide("scores and their means are over the pixels that the masks use");
   if (scores.white_background) stage.Decide("pictures with alpha are scored on white, as NeRF's papers do");
   stage.Set("protocol", scores.protocol);
   stage.Set("views", static_cast<double>(scores.views.size()));
   stage.Set("psnr", scores.psnr_db);
   stage.Set("colour_aligned_psnr", scores.aligned_psnr_db);
+  if (scores.budget) stage.Set("pose_fitted_psnr", scores.budget->fitted_psnr_db);
   stage.Set("ssim", scores.ssim);
   stage.Set("flip", scores.flip);
   stage.Finish();

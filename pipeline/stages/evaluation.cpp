@@ -14,7 +14,6 @@
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
 #include "io/image/colour_map.h"
-#include "io/image/mask.h"
 #include "nerf/metrics/flip.h"
 #include "nerf/metrics/metrics.h"
 
@@ -35,14 +34,6 @@ fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
 
 std::string SizeText(int width, int height) { return fmt::format("{}x{}", width, height); }
 
-io::Image ReadTruth(const io::Frame& frame) {
-  return io::CompositeOn(io::ReadImage(frame.image_path), kWhite);
-}
-
-io::Mask MaskOf(const io::Frame& frame, const io::Image& truth) {
-  return frame.mask_path.empty() ? io::Mask() : io::ReadMask(frame.mask_path, truth.width, truth.height);
-}
-
 io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
   for (std::size_t i = 0; i < picture.data.size(); ++i) {
     if (!mask.Uses(i / 3)) picture.data[i] /= kDarkening;
@@ -51,8 +42,8 @@ io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
 }
 
 void WriteComparison(const io::Frame& frame, const fs::path& render_path, const Comparison& paths) {
-  const io::Image truth = ReadTruth(frame), render = io::ReadImage(render_path);
-  const io::Mask mask = MaskOf(frame, truth);
+  const auto [truth, mask] = ReadTruth(frame);
+  const io::Image render = io::ReadImage(render_path);
   const nerf::FlipMap flip = nerf::Flip(truth, render);
   const io::Image error = io::ApplyColourMap(flip.error, flip.width, flip.height, io::ColourMap::kMagma);
   io::WriteImage(paths.photo, DarkenUnused(truth, mask));
@@ -79,13 +70,13 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double*
   if (!fs::is_regular_file(render_path)) {
     throw Error(ExitCode::kBadInput, render_path.string() + ": the render of a held-out view is missing");
   }
-  const io::Image truth = ReadTruth(frame), render = io::ReadImage(render_path);
+  const auto [truth, mask] = ReadTruth(frame);
+  const io::Image render = io::ReadImage(render_path);
   if (truth.width != render.width || truth.height != render.height) {
     throw Error(ExitCode::kBadInput,
                 render_path.string() + ": " + SizeText(render.width, render.height) +
                     " pixels, its truth has " + SizeText(truth.width, truth.height));
   }
-  const io::Mask mask = MaskOf(frame, truth);
   ViewScore score;
   score.name = frame.image_path.filename().string();
   *mse = nerf::MeanSquaredError(truth, render, mask);
@@ -99,6 +90,13 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double*
 }
 
 }  // namespace
+
+Truth ReadTruth(const io::Frame& frame) {
+  Truth truth{io::CompositeOn(io::ReadImage(frame.image_path), kWhite), {}};
+  if (!frame.mask_path.empty())
+    truth.mask = io::ReadMask(frame.mask_path, truth.picture.width, truth.picture.height);
+  return truth;
+}
 
 io::Image QuantizeView(const nerf::RenderedView& view) {
   io::Image image = io::MakeImage(view.width, view.height, 3);
@@ -160,9 +158,9 @@ std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Sc
     io::ThrowIfInterrupted();
     const io::Frame& frame = train.frames[i * n / n_judged];
     const io::Camera& camera = train.cameras[static_cast<std::size_t>(frame.camera_index)];
-    const io::Image truth = ReadTruth(frame);
+    const auto [truth, mask] = ReadTruth(frame);
     const io::Image render = QuantizeView(field.Render(camera, frame.world_from_cam, {.threads = threads}));
-    psnr.push_back(nerf::PsnrFromMse(nerf::MeanSquaredError(truth, render, MaskOf(frame, truth))));
+    psnr.push_back(nerf::PsnrFromMse(nerf::MeanSquaredError(truth, render, mask)));
   }
   if (psnr.empty()) return std::nullopt;
   return io::Median(std::move(psnr));

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "io/image/image.h"
+#include "io/image/mask.h"
 #include "io/scene/scene.h"
 #include "nerf/rendering/trained_field.h"
 #include "pipeline/stages/scores.h"
@@ -18,6 +19,13 @@ struct EvaluationOptions {
   int max_strips = 24;  // views to write pictures of into compare/, worst first
   int threads = 1;
 };
+
+// The picture of a frame, on white where it has alpha, and its mask.
+struct Truth {
+  io::Image picture;
+  io::Mask mask;
+};
+Truth ReadTruth(const io::Frame& frame);
 
 // 8-bit picture of a rendered view, rounded to nearest. Throws kBadInput naming the first pixel that is not
 // finite.

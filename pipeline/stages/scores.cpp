@@ -37,6 +37,19 @@ double NumberAt(const JsonReader& json, const char* key) {
 
 bool FlagAt(const JsonReader& json, const char* key) { return json.Has(key) && json.At(key).Bool(); }
 
+void WriteBudget(const std::optional<ErrorBudget>& budget, Json* json) {
+  if (!budget) return;
+  for (const auto& [name, value] : kErrorBudgetFields) (*json)["error_budget"][name] = *budget.*value;
+}
+
+std::optional<ErrorBudget> ReadBudget(const JsonReader& json) {
+  if (!json.Has("error_budget")) return std::nullopt;
+  ErrorBudget budget;
+  for (const auto& [name, value] : kErrorBudgetFields)
+    budget.*value = NumberAt(json.At("error_budget"), name);
+  return budget;
+}
+
 }  // namespace
 
 std::vector<int> Scores::WorstFirst() const {
@@ -68,6 +81,7 @@ void WriteScores(const Scores& scores, const fs::path& folder) {
   json["colour_aligned_psnr"] = scores.aligned_psnr_db;
   if (scores.training_psnr_db) json["training_psnr_median"] = *scores.training_psnr_db;
   if (scores.plain_psnr_db) json["one_colour_psnr_median"] = *scores.plain_psnr_db;
+  WriteBudget(scores.budget, &json);
   std::string csv = "name,psnr,ssim,flip,colour_aligned_psnr\n";
   for (const ViewScore& view : scores.views) {
     Json entry = {{"name", view.name},
@@ -76,6 +90,7 @@ void WriteScores(const Scores& scores, const fs::path& folder) {
                   {"flip", view.flip},
                   {"colour_aligned_psnr", view.aligned_psnr_db}};
     if (view.identical) entry["identical"] = true;
+    WriteBudget(view.budget, &entry);
     json["images"].push_back(entry);
     csv += CsvLine(view);
   }
@@ -99,6 +114,7 @@ Scores ReadScores(const fs::path& folder) {
   scores.aligned_psnr_db = NumberAt(json, "colour_aligned_psnr");
   if (json.Has("training_psnr_median")) scores.training_psnr_db = NumberAt(json, "training_psnr_median");
   if (json.Has("one_colour_psnr_median")) scores.plain_psnr_db = NumberAt(json, "one_colour_psnr_median");
+  scores.budget = ReadBudget(json);
   const JsonReader views = json.At("images");
   for (std::size_t i = 0; i < views.Size(); ++i) {
     const JsonReader view = views.At(i);
@@ -107,7 +123,8 @@ Scores ReadScores(const fs::path& folder) {
                             .ssim = NumberAt(view, "ssim"),
                             .flip = NumberAt(view, "flip"),
                             .aligned_psnr_db = NumberAt(view, "colour_aligned_psnr"),
-                            .identical = FlagAt(view, "identical")});
+                            .identical = FlagAt(view, "identical"),
+                            .budget = ReadBudget(view)});
   }
   return scores;
 }

@@ -4,15 +4,42 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace pipeline {
+
+// Where the error of a view lies, or the mean over views. The fits look at the photograph: they bound what
+// right poses and colours would gain, and are no scores.
+struct ErrorBudget {
+  double fitted_psnr_db = 0;          // rendered at the pose near its own that shows the photograph best
+  double fitted_aligned_psnr_db = 0;  // and with the colours aligned
+  double moved_px = 0;                // to that pose, RMS over the picture
+  // Of the render at that pose:
+  double sharpness = 0;                        // its squared slopes, as a share of the photograph's
+  double worst_error = 0;                      // share of the squared error in the worst 5 % of the pixels
+  double unseen_pixels = 0, unseen_error = 0;  // shares where few training views saw the surface
+
+  bool operator==(const ErrorBudget&) const = default;
+};
+inline constexpr int kFewViews = 3;  // fewer are few
+
+// Its fields, by their names in metrics.json.
+inline constexpr std::pair<const char*, double ErrorBudget::*> kErrorBudgetFields[] = {
+    {"pose_fitted_psnr", &ErrorBudget::fitted_psnr_db},
+    {"pose_fitted_colour_aligned_psnr", &ErrorBudget::fitted_aligned_psnr_db},
+    {"pose_moved_px", &ErrorBudget::moved_px},
+    {"sharpness", &ErrorBudget::sharpness},
+    {"error_in_worst_5_percent", &ErrorBudget::worst_error},
+    {"pixels_seen_by_few", &ErrorBudget::unseen_pixels},
+    {"error_seen_by_few", &ErrorBudget::unseen_error}};
 
 struct ViewScore {
   std::string name;  // file name of the held-out picture
   double psnr_db = 0, ssim = 0, flip = 0;
   double aligned_psnr_db = 0;  // with the colours aligned, see nerf::ColourAlignedError
   bool identical = false;      // render equals truth in every bit; PSNR is then the cap, nerf::kMaxPsnrDb
+  std::optional<ErrorBudget> budget;
 };
 
 struct Scores {
@@ -25,6 +52,7 @@ struct Scores {
   double psnr_of_mean_mse_db = 0, aligned_psnr_db = 0;
   // Medians: of some training pictures, and of held-out pictures replaced by their own mean colour.
   std::optional<double> training_psnr_db, plain_psnr_db;
+  std::optional<ErrorBudget> budget;  // mean over the views
 
   std::vector<int> WorstFirst() const;  // view indices by rising PSNR
 };

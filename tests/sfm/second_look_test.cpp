@@ -103,13 +103,14 @@ TEST(SecondLook, APictureInAWrongPlaceIsTakenOutAgain) {
   }
 }
 
-// By three pixels in a thousand, and by five times as much as others: either alone is right in a capture that
-// is very certain on the whole, or not at all.
+// On fewer than 30 points, by three pixels in a thousand, and by five times as much as others: each alone is
+// right in some capture.
 TEST(SecondLook, APoseIsUncertainByItselfAndBesideOthers) {
   const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture({.pictures = 10, .points = 200, .seed = 4});
   io::ColmapModel model;
   model.scene = capture.truth;
-  const auto uncertain = [&](double usual, std::size_t at, double sigma) {
+  const auto uncertain = [&](double usual, std::size_t at, double sigma, int n_points = 29) {
+    model.observations.assign(static_cast<std::size_t>(n_points), {.frame_index = static_cast<int>(at)});
     sfm::BundleUncertainty uncertainty;
     uncertainty.poses.assign(10, {.rotation_deg = usual});
     uncertainty.poses[at].rotation_deg = sigma;
@@ -117,6 +118,7 @@ TEST(SecondLook, APoseIsUncertainByItselfAndBesideOthers) {
     for (const sfm::UncertainPicture& picture : sfm::UncertainPictures(model, uncertainty)) {
       EXPECT_EQ(picture.rotation_deg, sigma);
       EXPECT_EQ(picture.median_deg, usual);
+      EXPECT_EQ(picture.n_points, n_points);
       names.push_back(picture.name);
     }
     return names;
@@ -125,6 +127,7 @@ TEST(SecondLook, APoseIsUncertainByItselfAndBesideOthers) {
   const double limit_deg = 0.003 * std::max(camera.width, camera.height) / camera.fl_x * 180 / M_PI;
   const std::string name = model.scene.frames[6].image_path.string();
   EXPECT_EQ(uncertain(limit_deg / 6, 6, 1.01 * limit_deg), Names{name});
+  EXPECT_EQ(uncertain(limit_deg / 6, 6, 1.01 * limit_deg, 30), Names{});
   EXPECT_EQ(uncertain(limit_deg / 6, 6, 0.99 * limit_deg), Names{});
   EXPECT_EQ(uncertain(limit_deg / 4, 6, 1.01 * limit_deg), Names{});
   EXPECT_EQ(uncertain(limit_deg / 4, 6, std::numeric_limits<double>::infinity()), Names{name});

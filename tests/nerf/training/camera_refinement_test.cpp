@@ -208,7 +208,7 @@ TEST(CameraRefinement, WrongPosesAreMendedAndRightOnesHardlyMove) {
 
 TEST(CameraRefinement, ResumeContinuesBitForBit) {
   const TempDir dir;
-  const io::Scene scene = WrongScene(tests::BallScene(dir.path(), 8, 0, {.behind = Behind::kRoom}));
+  const io::Scene scene = WrongScene(tests::BallScene(dir.path(), 32, 0, {.behind = Behind::kRoom}));
   TrainOptions options = Options(0);
   // From step 200 on, independent of the number of steps.
   options.schedule =

@@ -22,7 +22,7 @@ constexpr int kRays = 48;
 struct Case {
   const char* name;
   int samples_per_pixel = 1;
-  float distortion = 0, full_gradient_distance = 0, depth_weight = 0;
+  float distortion = 0, full_gradient_distance = 0, depth_weight = 0, nearness_weight = 0;
   bool ends_at_infinity = false;
   // With bfloat16. Where all light is accounted for, densities move only by differences of colours, which are
   // small in an untrained field, while their rounding errors are not: float shows that the equations agree.
@@ -135,6 +135,8 @@ class HashGradientTest : public testing::Test {
                          .ends_at_infinity = c.ends_at_infinity,
                          .depth_share = c.depth_weight > 0 ? 0.5f : 0,
                          .depth_weight = c.depth_weight,
+                         .near_cameras = c.nearness_weight > 0 ? &near_cameras_ : nullptr,
+                         .nearness_weight = c.nearness_weight,
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
     Dataset dataset = LoadDataset(scene_, 1);
@@ -188,6 +190,8 @@ class HashGradientTest : public testing::Test {
       if (ray.depth > 0)
         loss = loss + DepthLoss(weights, static_cast<std::size_t>(first), ray.depth) *
                           double{c.depth_weight} / c.samples_per_pixel;
+      loss = loss + Nearness(weights, static_cast<std::size_t>(first)) * double{c.nearness_weight} /
+                        c.samples_per_pixel;
       first += n_samples(r);
       const bool begins = r % static_cast<std::size_t>(c.samples_per_pixel) == 0;
       pixel_colour = begins ? colour : pixel_colour + colour;
@@ -223,6 +227,15 @@ class HashGradientTest : public testing::Test {
     return weights.dot(Doubles(penalties));
   }
 
+  // Of the same: what the lattice holds (near_cameras_test.cpp) is the cost of a sample's weight.
+  at::Tensor Nearness(const at::Tensor& weights, std::size_t first) const {
+    const Samples& samples = shard_.samples.sorted;
+    std::vector<double> values;
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i)
+      values.push_back(near_cameras_.At(samples.x[i], samples.y[i], samples.z[i]));
+    return weights.dot(Doubles(values));
+  }
+
   // Gradient of the table, from those of the features.
   std::vector<float> TableGradient() const {
     std::vector<float> gradient(static_cast<std::size_t>(table_.numel()), 0.f);
@@ -250,6 +263,8 @@ class HashGradientTest : public testing::Test {
   SceneContraction contraction_;
   OccupancyGrid grid_;
   HashField field_;
+  io::Workers workers_{1};
+  NearCameras near_cameras_{scene_, contraction_, 4, &workers_};
   at::Tensor table_, weights_;
   RayBatch batch_;  // the rays of the shard, before they are marched
   HashShard<Real> shard_;
@@ -264,8 +279,9 @@ TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheReferenceInLibTorch) {
                         {"four with distortion", 4, 0.3f},
                         {"scaled near the camera", 1, 0.3f, 4},
                         {"depth", 1, 0, 0, 0.5f},
-                        {"infinity", 1, 0, 0, 0, true, 0.15},
-                        {"all", 4, 0.3f, 4, 0.5f, true}}) {
+                        {"near cameras", 1, 0, 0, 0, 0.5f},
+                        {"infinity", 1, 0, 0, 0, 0, true, 0.15},
+                        {"all", 4, 0.3f, 4, 0.5f, 0.5f, true}}) {
     SCOPED_TRACE(c.name);
     const double tolerance = this->ToleranceOf(c);
     this->Train(c);

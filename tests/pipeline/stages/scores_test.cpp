@@ -25,14 +25,20 @@ pipeline::Scores TwoViews() {
                  .flip = 0,
                  .aligned_psnr_db = 120,
                  .identical = true},
-                {.name = "a.png", .psnr_db = 100.0 / 3, .ssim = 0.97, .flip = 0.04, .aligned_psnr_db = 35}},
+                {.name = "a.png",
+                 .psnr_db = 100.0 / 3,
+                 .ssim = 0.97,
+                 .flip = 0.04,
+                 .aligned_psnr_db = 35,
+                 .budget = {{.fitted_psnr_db = 34, .unseen_error = 0.25}}}},
       .psnr_db = 230.0 / 3,
       .ssim = 0.985,
       .flip = 0.02,
       .psnr_of_mean_mse_db = 36.3,
       .aligned_psnr_db = 77.5,
       .training_psnr_db = 78.5,
-      .plain_psnr_db = 9.25};
+      .plain_psnr_db = 9.25,
+      .budget = {{.fitted_psnr_db = 77, .fitted_aligned_psnr_db = 78, .moved_px = 0.5, .sharpness = 0.75}}};
 }
 
 TEST(Scores, WrittenOnesComeBack) {
@@ -52,6 +58,7 @@ TEST(Scores, WrittenOnesComeBack) {
   EXPECT_EQ(read.aligned_psnr_db, written.aligned_psnr_db);
   EXPECT_EQ(read.training_psnr_db, written.training_psnr_db);
   EXPECT_EQ(read.plain_psnr_db, written.plain_psnr_db);
+  EXPECT_EQ(read.budget, written.budget);
   ASSERT_EQ(read.views.size(), written.views.size());
   for (std::size_t i = 0; i < read.views.size(); ++i) {
     EXPECT_EQ(read.views[i].name, written.views[i].name);
@@ -60,6 +67,7 @@ TEST(Scores, WrittenOnesComeBack) {
     EXPECT_EQ(read.views[i].flip, written.views[i].flip);
     EXPECT_EQ(read.views[i].aligned_psnr_db, written.views[i].aligned_psnr_db);
     EXPECT_EQ(read.views[i].identical, written.views[i].identical);
+    EXPECT_EQ(read.views[i].budget, written.views[i].budget);
   }
   EXPECT_EQ(read.WorstFirst(), (std::vector<int>{1, 0}));
   EXPECT_NE(ReadText(dir / "per_image.csv").find("\"b \"\"1\"\".png\",120.0000,1.000000,0.000000,120.0000\n"),
@@ -77,6 +85,7 @@ TEST(Scores, DamageIsNamedByFileAndPlace) {
                 {"/resolution", "[400]", "resolution"},
                 {"/psnr", "null", "psnr"},
                 {"/masked", "1", "masked"},
+                {"/error_budget/sharpness", "null", "error_budget.sharpness"},
                 {"/images", "{}", "images"},
                 {"/images/1/ssim", "\"0.97\"", "images[1].ssim"}};
   for (const auto& c : kCases) {

@@ -1,0 +1,25 @@
+// Where the error of held-out views lies, and what would lower it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "io/scene/scene.h"
+#include "nerf/rendering/trained_field.h"
+#include "pipeline/stages/scores.h"
+
+namespace pipeline {
+
+// Sets the error budgets of the views, which are the frames of `test`, and their mean. Renders each view once
+// more, and the training views small.
+void MeasureErrors(const nerf::TrainedField& field,
+                   const io::Scene& train,
+                   const io::Scene& test,
+                   int threads,
+                   Scores* scores);
+
+// What the budget advises, one sentence each, what gains most first; nothing where no cause stands out or
+// none was measured.
+std::vector<std::string> Advice(const Scores& scores);
+
+}  // namespace pipeline
