@@ -18,7 +18,7 @@ std::string BudgetRow(const std::string& what, const std::string& figure, const 
 std::string BudgetSection(const Scores& scores) {
   if (!scores.budget) return "";
   const ErrorBudget& budget = *scores.budget;
-  const double poses_db = budget.fitted_psnr_db - scores.psnr_db,
+  const double poses_db = budget.fitted_psnr_db - budget.psnr_db,
                colours_db = budget.fitted_aligned_psnr_db - budget.fitted_psnr_db;
   std::string html = "<h2>Where the error lies</h2>\n<div class=\"scroll\"><table>\n";
   html += BudgetRow("poses",

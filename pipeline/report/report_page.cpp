@@ -64,13 +64,14 @@ std::string Headlines(const ReportData& data) {
   if (data.has_sfm)
     html += Card(fmt::format("{} of {}", data.registered, data.images), "pictures registered");
   if (data.has_scores) {
+    const std::optional<ErrorBudget>& budget = data.scores.budget;
     html += Card(fmt::format("{:.2f} dB", data.scores.psnr_db),
                  fmt::format("PSNR on unseen views, {}; {:.2f} with colours aligned{}",
                              data.scores.protocol,
                              data.scores.aligned_psnr_db,
-                             data.scores.budget ? fmt::format(", {:.2f} with their own poses fitted",
-                                                              data.scores.budget->fitted_psnr_db)
-                                                : ""));
+                             budget ? fmt::format(", {:+.2f} with their own poses fitted",
+                                                  budget->fitted_psnr_db - budget->psnr_db)
+                                    : ""));
     html += Card(fmt::format("{:.3f}", data.scores.ssim), "SSIM, 1 is perfect");
     html += Card(fmt::format("{:.3f}", data.scores.flip), "FLIP, 0 is perfect");
   }

@@ -100,6 +100,7 @@ ErrorBudget BudgetOf(const nerf::TrainedField& field,
   nerf::RenderedView view;
   io::Image render;
   ErrorBudget budget;
+  budget.psnr_db = psnr_db;
   const auto render_at = [&](const io::Rigid3d& world_from_cam) {
     view = field.Render(camera, world_from_cam, {.threads = threads});
     render = QuantizeView(view);
@@ -122,10 +123,13 @@ ErrorBudget BudgetOf(const nerf::TrainedField& field,
 
 ErrorBudget MeanBudget(const std::vector<ViewScore>& views) {
   ErrorBudget mean;
-  const auto n = static_cast<double>(views.size());
+  double n = 0;
   for (const ViewScore& view : views) {
-    for (const auto& [name, value] : kErrorBudgetFields) mean.*value += *view.budget.*value / n;
+    if (!view.budget) continue;
+    n += 1;
+    for (const auto& [name, value] : kErrorBudgetFields) mean.*value += *view.budget.*value;
   }
+  for (const auto& [name, value] : kErrorBudgetFields) mean.*value /= n;
   return mean;
 }
 
@@ -154,8 +158,10 @@ void MeasureErrors(const nerf::TrainedField& field,
   PIPELINE_CHECK_EQ(scores->views.size(), test.frames.size());
   const nerf::SupportMap support(field, train, threads);
   io::Progress progress("evaluate: error budget");
-  for (std::size_t i = 0; i < test.frames.size(); ++i) {
+  const std::size_t n_views = test.frames.size(), n = std::min(n_views, kBudgetViews);
+  for (std::size_t k = 0; k < n; ++k) {
     io::ThrowIfInterrupted();
+    const std::size_t i = k * n_views / n;
     const io::Frame& frame = test.frames[i];
     scores->views[i].budget = BudgetOf(field,
                                        support,
@@ -163,7 +169,7 @@ void MeasureErrors(const nerf::TrainedField& field,
                                        frame,
                                        scores->views[i].psnr_db,
                                        threads);
-    progress.Update(static_cast<double>(i + 1) / static_cast<double>(test.frames.size()));
+    progress.Update(static_cast<double>(k + 1) / static_cast<double>(n));
   }
   scores->budget = MeanBudget(scores->views);
 }
@@ -171,7 +177,7 @@ void MeasureErrors(const nerf::TrainedField& field,
 std::vector<std::string> Advice(const Scores& scores) {
   if (!scores.budget) return {};
   const ErrorBudget& budget = *scores.budget;
-  const double poses = budget.fitted_psnr_db - scores.psnr_db,
+  const double poses = budget.fitted_psnr_db - budget.psnr_db,
                colours = budget.fitted_aligned_psnr_db - budget.fitted_psnr_db,
                unseen = 10 * std::log10(std::max(1 - budget.unseen_pixels, kSmallestShare) /
                                         std::max(1 - budget.unseen_error, kSmallestShare)),

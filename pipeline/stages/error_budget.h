@@ -1,6 +1,7 @@
 // Where the error of held-out views lies, and what would lower it.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -10,8 +11,9 @@
 
 namespace pipeline {
 
-// Sets the error budgets of the views, which are the frames of `test`, and their mean. Renders each view once
-// more, and the training views small.
+// Sets the error budgets of at most kBudgetViews evenly spread views, which are the frames of `test`, and
+// their mean. Takes about four renders of each, and of the training views small ones.
+inline constexpr std::size_t kBudgetViews = 24;
 void MeasureErrors(const nerf::TrainedField& field,
                    const io::Scene& train,
                    const io::Scene& test,

@@ -45,7 +45,9 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
   const std::string fitted =
-      scores.budget ? fmt::format(", own poses fitted {:.2f}", scores.budget->fitted_psnr_db) : "";
+      scores.budget
+          ? fmt::format(", own poses fitted {:+.2f}", scores.budget->fitted_psnr_db - scores.budget->psnr_db)
+          : "";
   std::printf("%s",
               fmt::format("evaluate: {} held-out views ({}): PSNR {:.2f} dB (colours aligned {:.2f}{}), SSIM "
                           "{:.4f}, FLIP {:.4f}; worst {} {:.2f} dB\n",
@@ -73,7 +75,8 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   stage.Set("views", static_cast<double>(scores.views.size()));
   stage.Set("psnr", scores.psnr_db);
   stage.Set("colour_aligned_psnr", scores.aligned_psnr_db);
-  if (scores.budget) stage.Set("pose_fitted_psnr", scores.budget->fitted_psnr_db);
+  if (scores.budget)
+    stage.Set("pose_fitted_psnr_gain", scores.budget->fitted_psnr_db - scores.budget->psnr_db);
   stage.Set("ssim", scores.ssim);
   stage.Set("flip", scores.flip);
   stage.Finish();

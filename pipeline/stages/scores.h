@@ -12,6 +12,7 @@ namespace pipeline {
 // Where the error of a view lies, or the mean over views. The fits look at the photograph: they bound what
 // right poses and colours would gain, and are no scores.
 struct ErrorBudget {
+  double psnr_db = 0;                 // as it is
   double fitted_psnr_db = 0;          // rendered at the pose near its own that shows the photograph best
   double fitted_aligned_psnr_db = 0;  // and with the colours aligned
   double moved_px = 0;                // to that pose, RMS over the picture
@@ -26,6 +27,7 @@ inline constexpr int kFewViews = 3;  // fewer are few
 
 // Its fields, by their names in metrics.json.
 inline constexpr std::pair<const char*, double ErrorBudget::*> kErrorBudgetFields[] = {
+    {"psnr", &ErrorBudget::psnr_db},
     {"pose_fitted_psnr", &ErrorBudget::fitted_psnr_db},
     {"pose_fitted_colour_aligned_psnr", &ErrorBudget::fitted_aligned_psnr_db},
     {"pose_moved_px", &ErrorBudget::moved_px},
@@ -52,7 +54,7 @@ struct Scores {
   double psnr_of_mean_mse_db = 0, aligned_psnr_db = 0;
   // Medians: of some training pictures, and of held-out pictures replaced by their own mean colour.
   std::optional<double> training_psnr_db, plain_psnr_db;
-  std::optional<ErrorBudget> budget;  // mean over the views
+  std::optional<ErrorBudget> budget;  // mean over the views that have one
 
   std::vector<int> WorstFirst() const;  // view indices by rising PSNR
 };

@@ -12,9 +12,9 @@ using testing::Not;
 TEST(BudgetSection, ShowsFiguresAndAdvice) {
   pipeline::Scores scores;
   EXPECT_EQ(pipeline::BudgetSection(scores), "");
-  scores.psnr_db = 28;
   scores.views = {{.name = "a&b.jpg", .budget = {{.unseen_error = 0.5}}}};
-  scores.budget = {.fitted_psnr_db = 28.25,
+  scores.budget = {.psnr_db = 28,
+                   .fitted_psnr_db = 28.25,
                    .fitted_aligned_psnr_db = 28.35,
                    .moved_px = 0.42,
                    .sharpness = 0.81,

@@ -62,8 +62,10 @@ TEST_F(ErrorBudgetTest, AnEvenErrorLiesNowhereInParticular) {
   EXPECT_NEAR(scores.budget->unseen_error, scores.budget->unseen_pixels, 0.01);
   EXPECT_NEAR(scores.budget->fitted_psnr_db, scores.psnr_db, 0.1);
   EXPECT_GT(scores.budget->fitted_aligned_psnr_db, scores.psnr_db + 3);
-  for (const pipeline::ViewScore& view : scores.views)
-    EXPECT_GE(view.budget->fitted_psnr_db, view.psnr_db - 1e-9);
+  for (const pipeline::ViewScore& view : scores.views) {
+    EXPECT_EQ(view.budget->psnr_db, view.psnr_db);
+    EXPECT_GE(view.budget->fitted_psnr_db, view.psnr_db);
+  }
 }
 
 // One training view cannot be three.
@@ -74,11 +76,28 @@ TEST_F(ErrorBudgetTest, WhatFewViewsSawIsCounted) {
   EXPECT_LT(Measure(scene_, one, 0.05f).budget->unseen_pixels, 0.7);
 }
 
+TEST_F(ErrorBudgetTest, OfManyViewsSomeAreLookedAt) {
+  io::Scene many = tests::RingScene(50, 240, 180, [&](int i) { return dir_ / (std::to_string(i) + ".png"); });
+  for (const io::Frame& frame : many.frames)
+    io::WriteImage(frame.image_path, io::ReadImage(scene_.frames[0].image_path));
+  const pipeline::Scores scores = Measure(scene_, many);
+  std::size_t n = 0;
+  double psnr_db = 0;
+  for (const pipeline::ViewScore& view : scores.views) {
+    if (!view.budget) continue;
+    ++n;
+    psnr_db += view.psnr_db;
+  }
+  EXPECT_EQ(n, pipeline::kBudgetViews);
+  EXPECT_TRUE(scores.views[25].budget);
+  EXPECT_NEAR(scores.budget->psnr_db, psnr_db / static_cast<double>(n), 1e-9);
+}
+
 pipeline::Scores Perfect() {
   pipeline::Scores scores;
   scores.psnr_db = 30;
   scores.training_psnr_db = 30.5;
-  scores.budget = {.fitted_psnr_db = 30.1, .fitted_aligned_psnr_db = 30.2, .sharpness = 0.9};
+  scores.budget = {.psnr_db = 30, .fitted_psnr_db = 30.1, .fitted_aligned_psnr_db = 30.2, .sharpness = 0.9};
   return scores;
 }
 
