@@ -109,6 +109,7 @@ TEST_F(EndToEnd, KilledInEveryStageAndContinuedThePhotosBecomeFilmAndReport) {
   EXPECT_EQ(metrics["protocol"], "capture");
   EXPECT_EQ(metrics["images"].size(), 3u);  // every 8th of 24
   EXPECT_GE(metrics["psnr"], kMinPsnr);
+  EXPECT_GE(metrics["error_budget"]["pose_fitted_psnr"], metrics["psnr"]);
   RecordProperty("psnr", metrics["psnr"].dump());
   std::printf("held-out PSNR %s dB\n", metrics["psnr"].dump().c_str());
   cv::VideoCapture film((out / "render/novel_view.mp4").string());

@@ -1,8 +1,6 @@
 #include "nerf/data/near_cameras.h"
 
 #include <Eigen/Core>
-#include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace nerf {
@@ -11,10 +9,11 @@ NearCameras::NearCameras(const io::Scene& scene,
                          const SceneContraction& contraction,
                          float reach,
                          io::Workers* workers)
-    : nearness_(static_cast<std::size_t>(kSide) * kSide * kSide) {
-  std::vector<Eigen::Vector3f> cameras;
-  for (const io::Frame& frame : scene.frames)
-    cameras.push_back(frame.world_from_cam.translation.cast<float>());
+    : reach_(reach), nearest_(static_cast<std::size_t>(kSide) * kSide * kSide) {
+  for (const io::Frame& frame : scene.frames) {
+    const Eigen::Vector3f position = frame.world_from_cam.translation.cast<float>();
+    cameras_.push_back({position.x(), position.y(), position.z()});
+  }
   workers->Run(kSide, [&](int z, int) {
     for (int y = 0; y < kSide; ++y) {
       for (int x = 0; x < kSide; ++x) {
@@ -22,11 +21,13 @@ NearCameras::NearCameras(const io::Scene& scene,
         const float unit[3] = {centre(x), centre(y), centre(z)};
         Eigen::Vector3f place;
         contraction.FromUnit(unit, place.data());
-        float nearest2 = std::numeric_limits<float>::infinity();
-        for (const Eigen::Vector3f& camera : cameras)
-          nearest2 = std::min(nearest2, (place - camera).squaredNorm());
-        nearness_[static_cast<std::size_t>((z * kSide + y) * kSide + x)] =
-            std::max(0.f, 1 - std::sqrt(nearest2) / reach);
+        float least2 = std::numeric_limits<float>::infinity();
+        std::uint32_t& nearest = nearest_[static_cast<std::size_t>((z * kSide + y) * kSide + x)];
+        for (std::size_t i = 0; i < cameras_.size(); ++i) {
+          const float distance2 =
+              (place - Eigen::Map<const Eigen::Vector3f>(cameras_[i].data())).squaredNorm();
+          if (distance2 < least2) least2 = distance2, nearest = static_cast<std::uint32_t>(i);
+        }
       }
     }
   });

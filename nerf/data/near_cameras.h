@@ -8,7 +8,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "io/base/parallel.h"
@@ -19,15 +22,21 @@ namespace nerf {
 
 class NearCameras {
  public:
-  // Cells per axis of the unit cube, in each of which the distance is that of its centre.
+  // Cells per axis of the unit cube. In each, the camera that is nearest to its centre counts as the nearest:
+  // at most the cell's diagonal too far.
   static constexpr int kSide = 32;
 
   // The cameras are those of the scene's frames.
   NearCameras(const io::Scene& scene, const SceneContraction& contraction, float reach, io::Workers* workers);
 
-  // max(0, 1 - d / reach) at a position in the unit cube.
-  float At(float x, float y, float z) const {
-    return nearness_[(Index(z) * kSide + Index(y)) * kSide + Index(x)];
+  // max(0, 1 - d / reach) at a finite place, of which `unit` is the position in the unit cube. It changes
+  // steadily along a ray, so that opaque surfaces can follow it.
+  float At(const std::array<float, 3>& unit, const std::array<float, 3>& place) const {
+    const std::array<float, 3>& camera =
+        cameras_[nearest_[(Index(unit[2]) * kSide + Index(unit[1])) * kSide + Index(unit[0])]];
+    float distance2 = 0;
+    for (std::size_t i = 0; i < 3; ++i) distance2 += (place[i] - camera[i]) * (place[i] - camera[i]);
+    return std::max(0.f, 1 - std::sqrt(distance2) / reach_);
   }
 
  private:
@@ -35,7 +44,9 @@ class NearCameras {
     return static_cast<std::size_t>(std::min(static_cast<int>(u * kSide), kSide - 1));
   }
 
-  std::vector<float> nearness_;  // [z][y][x]
+  const float reach_;
+  std::vector<std::array<float, 3>> cameras_;  // positions
+  std::vector<std::uint32_t> nearest_;         // [z][y][x], into cameras_
 };
 
 }  // namespace nerf

@@ -1,5 +1,6 @@
 #include "nerf/training/pixel_gradients.h"
 
+#include <array>
 #include <cmath>
 
 #include "nerf/rendering/depth_loss.h"
@@ -106,11 +107,16 @@ class Compositor {
     const auto [begin, n] = RowsOf(ray);
     const Samples& samples = samples_.sorted;
     const std::size_t first = samples_.First(ray);
+    const Ray& r = rays_[static_cast<std::size_t>(ray)].ray;
     float loss = 0;
     for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      const std::size_t s = first + i;
+      const float t = samples.t[s];
+      if (std::isinf(t)) break;
+      std::array<float, 3> place;
+      for (std::size_t j = 0; j < 3; ++j) place[j] = r.origin[j] + t * r.direction[j];
       const float gradient =
-          plan_.nearness_weight *
-          plan_.near_cameras->At(samples.x[first + i], samples.y[first + i], samples.z[first + i]);
+          plan_.nearness_weight * plan_.near_cameras->At({samples.x[s], samples.y[s], samples.z[s]}, place);
       rows_.weight_gradients[i] += gradient;
       loss += rows_.weights[begin + i] * gradient;
     }

@@ -105,6 +105,7 @@ TrainingResult RunOnce(const TrainBench& bench,
   train.insert(train.end(), bench.train_flags.begin(), bench.train_flags.end());
   RunStageProgram("train", train);
   arguments.push_back(fmt::format("--every={}", bench.every));
+  arguments.push_back("--no-error-budget");
   RunStageProgram("evaluate", arguments);
 
   TrainingResult result = ReadTrainingResult(folder, time, seed);

@@ -40,7 +40,8 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   scores.protocol = ReadSceneRecord(common.out).protocol + (scores.masked ? ", masked" : "");
   const Verdict verdict = Judge(scores);
   // Where views are not shown at all, there is nothing that a pose could be fitted to.
-  if (verdict.outcome != Outcome::kFailed) MeasureErrors(*field, train, test, options.threads, &scores);
+  if (options.error_budget && verdict.outcome != Outcome::kFailed)
+    MeasureErrors(*field, train, test, options.threads, &scores);
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];

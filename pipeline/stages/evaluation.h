@@ -15,8 +15,9 @@
 namespace pipeline {
 
 struct EvaluationOptions {
-  int every = 1;        // score every n-th held-out view
-  int max_strips = 24;  // views to write pictures of into compare/, worst first
+  int every = 1;             // score every n-th held-out view
+  int max_strips = 24;       // views to write pictures of into compare/, worst first
+  bool error_budget = true;  // measure where the error lies (error_budget.h)
   int threads = 1;
 };
 

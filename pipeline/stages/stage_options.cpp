@@ -54,6 +54,9 @@ void AddEvaluateOptions(Options* options, EvaluationOptions* evaluate) {
                &evaluate->max_strips,
                "views whose photograph, rendering and error are written, worst first",
                {.min = 0});
+  options->Add("error-budget",
+               &evaluate->error_budget,
+               "measure where the error lies: about four more renders of each of up to 24 views");
 }
 
 void AddRenderOptions(Options* options, FilmFlags* flags) {

@@ -16,22 +16,26 @@ TEST(NearCameras, FallsFromOneAtACameraToNothingAtTheReach) {
   io::Workers workers(2);
   const NearCameras near_cameras(scene, contraction, 2.5f, &workers);
   const auto at = [&](const Eigen::Vector3f& x) {
-    float unit[3];
-    contraction.ToUnit(x.data(), unit);
-    return near_cameras.At(unit[0], unit[1], unit[2]);
+    std::array<float, 3> unit;
+    contraction.ToUnit(x.data(), unit.data());
+    return near_cameras.At(unit, {x.x(), x.y(), x.z()});
   };
-  // The centre of the lattice's cell lies within half its diagonal: in the inner cube, whose side takes up
-  // half of the lattice, and where cameras stand, 1.6 half sides out, twice that.
-  const float inner = std::sqrt(3.f) / 2 * 2 * contraction.half / (NearCameras::kSide / 2), outer = 3 * inner;
   for (const io::Frame& frame : scene.frames) {
     const Eigen::Vector3f camera = frame.world_from_cam.translation.cast<float>();
-    EXPECT_NEAR(at(camera), 1, outer / contraction.half);
-    const Eigen::Vector3f between = 0.6f * camera;  // 1.6 before this one, and farther from the others
-    EXPECT_NEAR(at(between), 1 - 1.6f / 2.5f, inner / contraction.half);
+    EXPECT_FLOAT_EQ(at(camera), 1);
+    EXPECT_FLOAT_EQ(at(0.6f * camera), 1 - 1.6f / 2.5f);  // 1.6 before this one, and farther from the others
   }
   EXPECT_EQ(at({0, 0, 0}), 0);  // 4 from all cameras
   EXPECT_EQ(at({0, 0, 100}), 0);
-  EXPECT_EQ(near_cameras.At(0, 0.5f, 1), 0);  // the faces of the cube, at infinity
+  // Between two cameras the farther one may count, by less than a cell's diagonal.
+  const Eigen::Vector3f a = scene.frames[0].world_from_cam.translation.cast<float>(),
+                        b = scene.frames[1].world_from_cam.translation.cast<float>();
+  for (float share = 0.4f; share < 0.6f; share += 0.01f) {
+    const Eigen::Vector3f x = a + share * (b - a);
+    const float nearness = std::max(0.f, 1 - std::min((x - a).norm(), (x - b).norm()) / 2.5f);
+    EXPECT_LE(at(x), nearness + 1e-6f);
+    EXPECT_GE(at(x), nearness - std::sqrt(3.f) * 3 * contraction.InnerSide() / NearCameras::kSide / 2.5f);
+  }
 }
 
 }  // namespace

@@ -190,7 +190,7 @@ class HashGradientTest : public testing::Test {
       if (ray.depth > 0)
         loss = loss + DepthLoss(weights, static_cast<std::size_t>(first), ray.depth) *
                           double{c.depth_weight} / c.samples_per_pixel;
-      loss = loss + Nearness(weights, static_cast<std::size_t>(first)) * double{c.nearness_weight} /
+      loss = loss + Nearness(weights, static_cast<std::size_t>(first), ray.ray) * double{c.nearness_weight} /
                         c.samples_per_pixel;
       first += n_samples(r);
       const bool begins = r % static_cast<std::size_t>(c.samples_per_pixel) == 0;
@@ -227,12 +227,16 @@ class HashGradientTest : public testing::Test {
     return weights.dot(Doubles(penalties));
   }
 
-  // Of the same: what the lattice holds (near_cameras_test.cpp) is the cost of a sample's weight.
-  at::Tensor Nearness(const at::Tensor& weights, std::size_t first) const {
+  // Of the same and their ray: 1 at the camera that counts as the nearest, 0 from a distance of 4 on.
+  at::Tensor Nearness(const at::Tensor& weights, std::size_t first, const Ray& ray) const {
     const Samples& samples = shard_.samples.sorted;
     std::vector<double> values;
-    for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i)
-      values.push_back(near_cameras_.At(samples.x[i], samples.y[i], samples.z[i]));
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(weights.numel()); ++i) {
+      std::array<float, 3> place;
+      for (std::size_t j = 0; j < 3; ++j) place[j] = ray.origin[j] + samples.t[i] * ray.direction[j];
+      values.push_back(
+          std::isinf(samples.t[i]) ? 0 : near_cameras_.At({samples.x[i], samples.y[i], samples.z[i]}, place));
+    }
     return weights.dot(Doubles(values));
   }
 

@@ -124,7 +124,7 @@ TEST_F(BenchTrainStages, EveryBudgetAndSeedIsTrainedOnOneScene) {
     for (const std::string seed : {"1", "2"}) {
       const std::string out = " --out " + Out() + "/runs/" + time + "_seed" + seed + " --threads=1";
       want += "train" + out + " --time=" + time + " --seed=" + seed + " --precision=fp32\n";
-      want += "evaluate" + out + " --every=8\n";
+      want += "evaluate" + out + " --every=8 --no-error-budget\n";
       EXPECT_TRUE(fs::is_regular_file(dir_ / "out/runs" / (time + "_seed" + seed) / "scene/scene.json"));
     }
   }
@@ -150,7 +150,7 @@ TEST_F(BenchTrainStages, EveryBudgetAndSeedIsTrainedOnOneScene) {
   ASSERT_EQ(Bench({"--out", Out(), "--run", Out() + "/normalized", "--times=5s", "--seeds=1", "--force"}), 0);
   EXPECT_EQ(Log(),
             "train --out " + Out() + "/runs/5s_seed1 --force=true --time=5s --seed=1\nevaluate --out " +
-                Out() + "/runs/5s_seed1 --force=true --every=1\n");
+                Out() + "/runs/5s_seed1 --force=true --every=1 --no-error-budget\n");
 }
 
 TEST_F(BenchTrainStages, AStageThatFailsEndsTheBenchWithItsCode) {
