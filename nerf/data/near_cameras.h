@@ -4,7 +4,7 @@
 // camera between them. It should go where it hides least. With the weights w_i (volume_rendering.h) of a
 // ray's samples at x_i and the distance d to the nearest training camera,
 //   L = sum_i w_i max(0, 1 - d(x_i) / reach)
-// times a weight so small that anything the pictures tell outweighs it.
+// times a weight that is small but for the beginning, so that what the pictures tell outweighs it.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,7 @@ class NearCameras {
   NearCameras(const io::Scene& scene, const SceneContraction& contraction, float reach, io::Workers* workers);
 
   // max(0, 1 - d / reach) at a finite place, of which `unit` is the position in the unit cube. It changes
-  // steadily along a ray, so that opaque surfaces can follow it.
+  // steadily within a cell: were it constant there, nothing would pull at an opaque surface.
   float At(const std::array<float, 3>& unit, const std::array<float, 3>& place) const {
     const std::array<float, 3>& camera =
         cameras_[nearest_[(Index(unit[2]) * kSide + Index(unit[1])) * kSide + Index(unit[0])]];

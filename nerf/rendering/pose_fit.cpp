@@ -22,7 +22,7 @@ constexpr double kSmallStep_px = 0.01;
 // Share of the diagonal added to the normal equations, at first, and its factor after a step that failed.
 constexpr double kDamping = 1e-3, kDampingFactor = 10;
 
-// A photograph at one size, with its gradients.
+// A photograph at one size.
 struct Level {
   io::Camera camera;
   io::Image photo;

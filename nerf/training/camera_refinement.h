@@ -10,7 +10,7 @@
 // mean is compared with its noise,
 //   t^2 = mean over the six parameters of 100 mean(g)^2 / var(g),
 // at most about 1 where the mean is zero. It counts 100 steps, those of the shortest window, also in longer
-// ones, which are surer: a pull that 100 steps do not show moves a picture by less than it is sharp.
+// ones, so that long runs do not move views for pulls that hardly show.
 // A view moves, by Adam, during the windows that follow one with t > kMovingT. So poses that are right to
 // what the pictures can tell stay as they are, bit for bit, and those that are not move until nothing pulls
 // any more.

@@ -11,9 +11,11 @@
 
 namespace pipeline {
 
-// Sets the error budgets of at most kBudgetViews evenly spread views, which are the frames of `test`, and
-// their mean. Takes about four renders of each, and of the training views small ones.
+// Of more views than this, so many evenly spread ones are looked at.
 inline constexpr std::size_t kBudgetViews = 24;
+
+// Sets the error budgets of the views, which are the frames of `test`, and their mean. Takes about four
+// renders of each, and small ones of the training views.
 void MeasureErrors(const nerf::TrainedField& field,
                    const io::Scene& train,
                    const io::Scene& test,
