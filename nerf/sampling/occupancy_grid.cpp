@@ -61,6 +61,12 @@ float OccupancyGrid::Threshold(std::uint32_t cell) const {
   return kMinOpacity / size;
 }
 
+void OccupancyGrid::Settle() {
+  for (std::uint32_t cell = 0; cell < density_.size(); ++cell) {
+    if (distance_[cell] >= 2) SetEmpty(cell);
+  }
+}
+
 double OccupancyGrid::OccupiedShare() const {
   const auto occupied = std::count(distance_.begin(), distance_.end(), std::uint8_t{0});
   return static_cast<double>(occupied) / static_cast<double>(distance_.size());

@@ -63,6 +63,9 @@ class OccupancyGrid {
   void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
   bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
 
+  // Declares all cells empty for good that touch no occupied one, as of the last Rebuild.
+  void Settle();
+
   // Sets the density of all candidates to 0.
   void Forget() {
     for (float& density : density_) density = std::min(density, 0.f);

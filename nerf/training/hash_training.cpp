@@ -27,6 +27,9 @@ constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
 // comes from fog, it weighs so many times more, falling over the first share of a run: a wall that has
 // become opaque hardly moves.
 constexpr double kNearnessWeight = 3e-4, kFirstNearness = 11, kNearnessShare = 0.25;
+// Share of a run of an unbounded scene after which space that was found empty stays so: what comes late into
+// the open is seldom a surface, and often the noise of one picture, painted on a wall before its camera.
+constexpr double kSettledShare = 1.0 / 3;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;
@@ -75,7 +78,7 @@ class HashTraining : public FieldTraining {
   void RunShards(const BatchPlan& plan);
   void Merge(double progress, const TrainState& state);
   void RefineCameras(double progress, const TrainState& state);
-  void UpdateOccupancy(std::uint64_t done, std::uint64_t seed);
+  void UpdateOccupancy(double progress, std::uint64_t done, std::uint64_t seed);
 
   const Dataset& dataset_;
   const TrainOptions& options_;
@@ -143,7 +146,7 @@ StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   }
   Merge(progress, *state);
   if (terms_.refinement) RefineCameras(progress, *state);
-  UpdateOccupancy(state->step + 1, state->seed);
+  UpdateOccupancy(progress, state->step + 1, state->seed);
   state->n_rays = NextRayCount(plan.n_rays, outcome.n_samples, options_.samples_per_step, kMinRays, kMaxRays);
   return outcome;
 }
@@ -160,12 +163,16 @@ void HashTraining<Real>::RefineCameras(double progress, const TrainState& state)
 
 // After `done` steps.
 template <typename Real>
-void HashTraining<Real>::UpdateOccupancy(std::uint64_t done, std::uint64_t seed) {
+void HashTraining<Real>::UpdateOccupancy(double progress, std::uint64_t done, std::uint64_t seed) {
   if (done % rebuild_every_ != 0) return;
   const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
   const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
   ProbeOccupancy(candidates_, stride, done / rebuild_every_, seed, done, scene_field_, workers_);
   scene_field_->grid.Rebuild();
+  if (scene_field_->contraction.unbounded && progress >= kSettledShare) {
+    scene_field_->grid.Settle();
+    candidates_ = scene_field_->grid.Candidates();
+  }
 }
 
 // Gradients of all shards, in shard order, into the field: one task per grid level and one for networks and

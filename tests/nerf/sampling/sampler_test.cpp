@@ -290,5 +290,21 @@ TEST(OccupancyGrid, VisitsPruneAndProbesRevive) {
   EXPECT_EQ(grid.Distance(1000), 0);
 }
 
+TEST(OccupancyGrid, SettledSpaceStaysEmptyButForTheNeighboursOfWhatIsOccupied) {
+  OccupancyGrid grid(64, Contraction(true));
+  const std::uint32_t occupied = (32 * 64 + 32) * 64 + 32, neighbour = occupied + 64 + 1, far = occupied + 2;
+  for (const std::uint32_t cell : {occupied, neighbour, far}) grid.SetCandidate(cell);
+  for (const std::uint32_t cell : {neighbour, far}) {
+    for (int i = 0; i < 30; ++i) grid.Visit(cell, 0.f);
+  }
+  grid.Rebuild();
+  grid.Settle();
+  EXPECT_FALSE(grid.IsNeverOccupied(occupied));
+  EXPECT_FALSE(grid.IsNeverOccupied(neighbour));
+  EXPECT_TRUE(grid.IsNeverOccupied(far));
+  const std::vector<std::uint32_t> candidates = grid.Candidates();
+  EXPECT_EQ(candidates.size(), 27u);  // a block of 3 x 3 x 3 cells
+}
+
 }  // namespace
 }  // namespace nerf
