@@ -16,7 +16,7 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP6";
+constexpr char kMagic[] = "NERFCKP7";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
 constexpr std::size_t kMaxCameraValues = 1 << 24;
@@ -37,6 +37,8 @@ std::vector<Entry> Entries(SceneField* scene_field, std::span<float> cameras) {
     entries.push_back({name, reinterpret_cast<char*>(values.data()), values.size_bytes()});
   };
   for (const Tensor& tensor : scene_field->field->State()) add(tensor.name, tensor.values);
+  if (auto* hash = dynamic_cast<HashField*>(scene_field->field.get()))
+    add("trained_cells", hash->trained_cells().times());
   add("occupancy", std::span(scene_field->grid.density()));
   // Rebuilt only every few steps, so not a function of the densities at this one.
   add("occupancy_distance", std::span(scene_field->grid.distance()));

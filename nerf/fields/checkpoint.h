@@ -1,6 +1,6 @@
 // The state of a training run in one file: field, Adam moments, occupancy, schedule. A format of our own that
 // holds data alone, so that reading a file never runs code from it:
-//   8 bytes magic "NERFCKP6", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
+//   8 bytes magic "NERFCKP7", 4 bytes header length (little endian, <= 1 MiB), JSON header, raw
 //   tensors (float32, and bytes for the occupancy grid's distances).
 // The header lists each tensor's size and XXH3 hash, and the hash of the header itself follows the magic's
 // length field.

@@ -16,9 +16,32 @@ HashField::Network MakeNetwork(bool bf16, std::uint64_t seed) {
   return HashNetwork<float>(seed);
 }
 
+// Sets the features of hashed levels to 0 for those of samples [first, first + n) that lie in untrained
+// cells.
+template <typename Real>
+void DropUntrained(const HashGrid& grid,
+                   const TrainedCells& trained,
+                   const Samples& samples,
+                   int first,
+                   int n,
+                   Real* features) {
+  if (trained.empty()) return;
+  const auto hashed = std::find_if(grid.levels().begin(),
+                                   grid.levels().end(),
+                                   [](const kernels::GridLevel& l) { return l.hash_mask != 0; });
+  const std::size_t n_kept = static_cast<std::size_t>(hashed - grid.levels().begin()) * kernels::kFeatures;
+  const auto n_features = static_cast<std::size_t>(grid.n_features());
+  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+    const std::size_t s = static_cast<std::size_t>(first) + i;
+    if (trained.Contains(samples.x[s], samples.y[s], samples.z[s])) continue;
+    std::fill(features + i * n_features + n_kept, features + (i + 1) * n_features, Real{});
+  }
+}
+
 // Calls body(first, rows) with the densities of kQueryRows samples at a time.
 template <typename Real, typename Body>
 void QueryDensities(const HashGrid& grid,
+                    const TrainedCells& trained,
                     const HashNetwork<Real>& network,
                     const Samples& samples,
                     const Body& body) {
@@ -26,6 +49,7 @@ void QueryDensities(const HashGrid& grid,
   for (int first = 0; first < samples.size(); first += kQueryRows) {
     rows.Resize(std::min(kQueryRows, samples.size() - first));
     grid.Encode(samples, first, rows.n, rows.features.data());
+    DropUntrained(grid, trained, samples, first, rows.n, rows.features.data());
     network.QueryDensity(&rows);
     body(first, &rows);
   }
@@ -70,6 +94,7 @@ HashField::HashField(const HashFieldOptions& options, std::uint64_t seed)
 
 void HashField::Refresh() {
   grid_.Refresh();
+  trained_cells_.Refresh();
   std::visit([](auto& network) { network.Refresh(); }, network_);
 }
 
@@ -79,7 +104,7 @@ std::size_t HashField::n_parameters() const {
 
 void HashField::QueryDensity(const Samples& samples, float* sigma) const {
   const auto query = [&](const auto& network) {
-    QueryDensities(grid_, network, samples, [&](int first, const auto* rows) {
+    QueryDensities(grid_, trained_cells_, network, samples, [&](int first, const auto* rows) {
       std::copy_n(rows->sigma.begin(), rows->n, sigma + first);
     });
   };
@@ -94,7 +119,7 @@ void HashField::Query(const Samples& samples,
                       float* sigma,
                       float* rgb) const {
   const auto query = [&](const auto& network) {
-    QueryDensities(grid_, network, samples, [&](int first, auto* rows) {
+    QueryDensities(grid_, trained_cells_, network, samples, [&](int first, auto* rows) {
       std::copy_n(rows->sigma.begin(), rows->n, sigma + first);
       std::uint8_t wanted[kQueryRows];
       filter(first, rows->n, sigma + first, wanted);

@@ -1,5 +1,6 @@
 // The `hash` radiance field: a multi-resolution hash grid feeding two small networks (hash_grid.h,
-// hash_network.h). Its precision is an option: the networks' products in float or bfloat16.
+// hash_network.h). Its precision is an option: the networks' products in float or bfloat16. Queries leave the
+// hashed levels out where training did not touch them (trained_cells.h).
 #pragma once
 
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include "nerf/fields/hash_grid.h"
 #include "nerf/fields/hash_network.h"
 #include "nerf/fields/radiance_field.h"
+#include "nerf/fields/trained_cells.h"
 
 namespace nerf {
 
@@ -25,6 +27,7 @@ class HashField : public RadianceField {
   HashGrid& grid() { return grid_; }
   const HashGrid& grid() const { return grid_; }
   Network& network() { return network_; }
+  TrainedCells& trained_cells() { return trained_cells_; }
 
   FieldKind kind() const override { return FieldKind::kHash; }
   FieldConfig Config() const override;
@@ -43,6 +46,7 @@ class HashField : public RadianceField {
  private:
   HashGrid grid_;
   Network network_;
+  TrainedCells trained_cells_;
 };
 
 }  // namespace nerf

@@ -48,7 +48,7 @@ class HashTraining : public FieldTraining {
   HashTraining(const Dataset& dataset,
                const TrainOptions& options,
                SceneField* scene_field,
-               HashGrid* grid,
+               HashField* field,
                HashNetwork<Real>* network,
                const CaptureTerms& terms,
                io::Workers* workers)
@@ -59,8 +59,9 @@ class HashTraining : public FieldTraining {
             1, kRebuildSamples / static_cast<std::uint64_t>(options.samples_per_step))),
         full_gradient_distance_(FullGradientDistance(dataset)),
         scene_field_(scene_field),
-        grid_(*grid),
+        grid_(field->grid()),
         network_(*network),
+        trained_cells_(field->trained_cells()),
         terms_(terms),
         workers_(workers),
         shards_(kShards),
@@ -88,6 +89,7 @@ class HashTraining : public FieldTraining {
   SceneField* scene_field_;
   HashGrid& grid_;
   HashNetwork<Real>& network_;
+  TrainedCells& trained_cells_;
   const CaptureTerms terms_;
   io::Workers* workers_;
   std::vector<HashShard<Real>> shards_;
@@ -204,6 +206,9 @@ void HashTraining<Real>::Merge(double progress, const TrainState& state) {
     }
     network_.Step(step, sum.data());
     for (const HashShard<Real>& shard : shards_) VisitCells(shard.samples, &scene_field_->grid);
+    if (scene_field_->contraction.unbounded) {
+      for (const HashShard<Real>& shard : shards_) trained_cells_.Mark(shard.samples.sorted, progress);
+    }
   });
 }
 
@@ -217,7 +222,7 @@ std::unique_ptr<FieldTraining> MakeHashTraining(const Dataset& dataset,
   HashField& field = dynamic_cast<HashField&>(*scene_field->field);
   const auto make = [&]<typename Real>(HashNetwork<Real>& network) -> std::unique_ptr<FieldTraining> {
     return std::make_unique<HashTraining<Real>>(
-        dataset, options, scene_field, &field.grid(), &network, terms, workers);
+        dataset, options, scene_field, &field, &network, terms, workers);
   };
   return std::visit(make, field.network());
 }
