@@ -37,7 +37,7 @@ struct TrainBench {
   fs::path poses, run;
   int image_size = 0, every = 1;
   bool has_image_size = false;
-  std::vector<std::string> times;
+  std::vector<std::string> times, holdouts;
   std::vector<int> seeds;
   std::vector<std::string> common_flags, train_flags;  // passed on
 };
@@ -57,8 +57,11 @@ void RunStageProgram(const std::string& stage, const std::vector<std::string>& a
       "The same command continues with the runs that are left");
 }
 
-// The run folder whose scene/ all runs share: the user's own, or one made here.
-fs::path PrepareScene(const TrainBench& bench) {
+// Of the names of folders.
+std::string Suffix(const std::string& holdout) { return holdout == "sector" ? "_sector" : ""; }
+
+// The run folder whose scene/ all runs of a split share: the user's own, or one made here.
+fs::path PrepareScene(const TrainBench& bench, const std::string& holdout) {
   if (!bench.run.empty()) {
     if (ReadStageRecord(bench.run, "normalize").empty()) {
       throw Error(ExitCode::kBadInput,
@@ -73,8 +76,9 @@ fs::path PrepareScene(const TrainBench& bench) {
                 bench.poses.string() + ": has no poses",
                 "Give a transforms.json, its folder or a COLMAP model, or run `pipeline run` and give --run");
   }
-  const fs::path folder = bench.common.out / "normalized";
-  std::vector<std::string> arguments = {"--out", folder.string(), "--poses", input.poses.string()};
+  const fs::path folder = bench.common.out / ("normalized" + Suffix(holdout));
+  std::vector<std::string> arguments = {
+      "--out", folder.string(), "--poses", input.poses.string(), "--holdout=" + holdout};
   if (!input.images.empty()) arguments.insert(arguments.end(), {"--images", input.images.string()});
   if (bench.has_image_size) arguments.push_back(fmt::format("--image-size={}", bench.image_size));
   arguments.insert(arguments.end(), bench.common_flags.begin(), bench.common_flags.end());
@@ -93,10 +97,11 @@ fs::path PrepareRunFolder(const fs::path& folder, const fs::path& scene_run) {
 
 TrainingResult RunOnce(const TrainBench& bench,
                        const std::string& time,
+                       const std::string& holdout,
                        int seed,
                        const fs::path& scene_run) {
-  const fs::path folder =
-      PrepareRunFolder(bench.common.out / "runs" / fmt::format("{}_seed{}", time, seed), scene_run);
+  const std::string name = fmt::format("{}{}_seed{}", time, Suffix(holdout), seed);
+  const fs::path folder = PrepareRunFolder(bench.common.out / "runs" / name, scene_run);
   std::fprintf(stderr, "bench train: %s, seed %d, in %s\n", time.c_str(), seed, folder.c_str());
   std::vector<std::string> arguments = {"--out", folder.string()};
   arguments.insert(arguments.end(), bench.common_flags.begin(), bench.common_flags.end());
@@ -108,7 +113,8 @@ TrainingResult RunOnce(const TrainBench& bench,
   arguments.push_back("--no-error-budget");
   RunStageProgram("evaluate", arguments);
 
-  TrainingResult result = ReadTrainingResult(folder, time, seed);
+  TrainingResult result{.time = time, .holdout = holdout, .seed = seed};
+  ReadTrainingResult(folder, &result);
   if (result.commit != BenchCommit()) {
     std::fprintf(stderr,
                  "bench train: this run is kept from commit %s; --force runs it again\n",
@@ -121,11 +127,13 @@ void RunTrainBench(const TrainBench& bench) {
   const fs::path csv = bench.common.out / "train_results.csv";
   CheckTableIsOurs(csv, kBenchTableHeader);
   io::ClaimFolder(bench.common.out);
-  const fs::path scene_run = PrepareScene(bench);
   std::vector<BudgetResults> budgets;
-  for (const std::string& time : bench.times) {
-    BudgetResults& runs = budgets.emplace_back();
-    for (const int seed : bench.seeds) runs.push_back(RunOnce(bench, time, seed, scene_run));
+  for (const std::string& holdout : bench.holdouts) {
+    const fs::path scene_run = PrepareScene(bench, holdout);
+    for (const std::string& time : bench.times) {
+      BudgetResults& runs = budgets.emplace_back();
+      for (const int seed : bench.seeds) runs.push_back(RunOnce(bench, time, holdout, seed, scene_run));
+    }
   }
   std::string settings = fmt::format(" every={}", bench.every);
   if (bench.has_image_size) settings += fmt::format(" image-size={}", bench.image_size);
@@ -149,6 +157,7 @@ void Resolve(const Options& options,
              const TrainFlags& flags,
              const std::string& times,
              const std::string& seeds,
+             const std::string& holdouts,
              TrainBench* bench) {
   Require(!bench->common.out.empty(), "pipeline bench train: --out DIR is missing", "");
   Require(bench->poses.empty() != bench->run.empty(),
@@ -158,6 +167,9 @@ void Resolve(const Options& options,
   Require(bench->run.empty() || !bench->has_image_size,
           "--image-size: the scene of --run has its size",
           "Give --poses instead");
+  Require(bench->run.empty() || !options.IsSetByUser("holdouts"),
+          "--holdouts: the scene of --run has its split",
+          "Give --poses instead");
   Require(!options.IsSetByUser("time"), "--time: several budgets are measured", "Give --times");
   Require(!options.IsSetByUser("target"), "--target: several budgets are measured", "Give --times");
   Require(!options.IsSetByUser("seed"), "--seed: several seeds are measured", "Give --seeds");
@@ -165,9 +177,18 @@ void Resolve(const Options& options,
   ResolvedTrainOptions(options, flags);
   bench->times = SplitList(times);
   for (const std::string& time : bench->times) ParseDuration("times", time);
+  bench->holdouts = SplitList(holdouts);
+  for (const std::string& holdout : bench->holdouts) {
+    Require(holdout == "every" || holdout == "sector",
+            "--holdouts: '" + holdout + "' is no split",
+            "Give every, sector, or every,sector");
+  }
   bench->seeds = SplitIntegers("seeds", seeds, 0);
-  Require(!bench->times.empty() && !bench->seeds.empty(), "--times and --seeds: must not be empty", "");
-  const std::vector<std::string> own = {"out", "poses", "run", "image-size", "every", "times", "seeds"};
+  Require(!bench->times.empty() && !bench->seeds.empty() && !bench->holdouts.empty(),
+          "--times, --seeds and --holdouts: must not be empty",
+          "");
+  const std::vector<std::string> own = {
+      "out", "poses", "run", "image-size", "every", "times", "seeds", "holdouts"};
   for (const std::string& name : options.NamesSetByUser()) {
     if (std::find(own.begin(), own.end(), name) != own.end()) continue;
     const bool is_common = name == "threads" || name == "force";
@@ -182,7 +203,7 @@ int RunBenchTrain(int argc, const char* const* argv) {
   return GuardedMain("pipeline bench train", [&] {
     TrainBench bench;
     TrainFlags flags;
-    std::string times = "5s,15s,1m,3m,10m", seeds = "1,2,3";
+    std::string times = "5s,15s,1m,3m,10m", seeds = "1,2,3", holdouts = "every";
     Options options(
         "pipeline bench train",
         "Trains a scene for every budget and seed with the programs of the stages, and states the quality\n"
@@ -206,11 +227,14 @@ int RunBenchTrain(int argc, const char* const* argv) {
         {.min = 0});
     options.Add("times", &times, "training budgets");
     options.Add("seeds", &seeds, "seeds; medians and ranges are over them");
+    options.Add("holdouts",
+                &holdouts,
+                "with --poses of a capture: test views, every (every 8th), sector (one side), or both");
     options.Add("every", &bench.every, "score every n-th held-out view only; 1 = all", {.min = 1});
     AddTrainOptions(&options, &flags);
     if (!options.Parse(argc, argv)) return;
     ApplyPreset(argc, argv, &options, &flags);
-    Resolve(options, flags, times, seeds, &bench);
+    Resolve(options, flags, times, seeds, holdouts, &bench);
     RunTrainBench(bench);
   });
 }

@@ -33,6 +33,11 @@ Figure CpuTo(double psnr_db) {
       [=](const TrainingResult& run) { return SecondsTo(psnr_db, run.curve.cpu_s, run.curve.heldout_psnr); };
 }
 
+// Budget and split of runs that differ in the seed alone.
+std::string Label(const BudgetResults& runs) {
+  return runs[0].holdout == "sector" ? runs[0].time + " sector" : runs[0].time;
+}
+
 struct NamedFigure {
   std::string name, unit;
   Figure figure;
@@ -57,13 +62,13 @@ std::vector<NamedFigure> Figures() {
 std::string Seconds(double seconds) { return std::isfinite(seconds) ? fmt::format("{:.2f}", seconds) : "-"; }
 
 void PrintTimes(const char* title, Figure (*to)(double), const std::vector<BudgetResults>& budgets) {
-  std::printf("\n%s seconds to a held-out PSNR, median and range over the seeds; -: not reached\n%-8s",
+  std::printf("\n%s seconds to a held-out PSNR, median and range over the seeds; -: not reached\n%-12s",
               title,
               "budget");
   for (const double target : kTargets) std::printf(" %24s", (CsvNumber(target) + " dB").c_str());
   std::printf("\n");
   for (const BudgetResults& runs : budgets) {
-    std::printf("%-8s", runs[0].time.c_str());
+    std::printf("%-12s", Label(runs).c_str());
     for (const double target : kTargets) {
       const Spread s = Over(runs, to(target));
       const bool has_range = std::isfinite(s.low) && runs.size() > 1;
@@ -77,7 +82,7 @@ void PrintTimes(const char* title, Figure (*to)(double), const std::vector<Budge
 }  // namespace
 
 void PrintTraining(const std::vector<BudgetResults>& budgets) {
-  std::printf("%-8s %5s %-26s %-26s %12s %9s %7s\n",
+  std::printf("%-12s %5s %-26s %-26s %12s %9s %7s\n",
               "budget",
               "seeds",
               "PSNR dB (range)",
@@ -91,8 +96,8 @@ void PrintTraining(const std::vector<BudgetResults>& budgets) {
     const Spread rate = Over(runs, [](const TrainingResult& run) { return run.samples_per_s * 1e-6; });
     const Spread steps = Over(runs, [](const TrainingResult& run) { return run.steps; });
     const Spread rss = Over(runs, [](const TrainingResult& run) { return run.peak_rss_bytes / (1 << 20); });
-    std::printf("%-8s %5zu %-26s %-26s %12.3f %9.0f %7.0f\n",
-                runs[0].time.c_str(),
+    std::printf("%-12s %5zu %-26s %-26s %12.3f %9.0f %7.0f\n",
+                Label(runs).c_str(),
                 runs.size(),
                 fmt::format("{:.2f} ({:.2f} to {:.2f})", psnr.median, psnr.low, psnr.high).c_str(),
                 fmt::format("{:.4f} ({:.4f} to {:.4f})", ssim.median, ssim.low, ssim.high).c_str(),
@@ -110,7 +115,7 @@ void WriteTrainingTable(const std::filesystem::path& path,
                         const std::string& settings) {
   std::vector<BenchValue> values;
   for (const BudgetResults& runs : budgets) {
-    const std::string budget = "time=" + runs[0].time;
+    const std::string budget = fmt::format("time={} holdout={}", runs[0].time, runs[0].holdout);
     for (const NamedFigure& f : Figures()) {
       for (const TrainingResult& run : runs) {
         values.push_back({scene,
@@ -132,7 +137,7 @@ void WriteTrainingTable(const std::filesystem::path& path,
 void WriteTrainingPlot(const std::filesystem::path& path, const std::vector<BudgetResults>& budgets) {
   std::vector<PlotSeries> lines;
   for (const BudgetResults& runs : budgets) {
-    PlotSeries line{.label = runs[0].time};
+    PlotSeries line{.label = Label(runs)};
     // Seeds are monitored at slightly different moments: those of the first one stand for all.
     for (const double wall_s : runs[0].curve.wall_s) {
       const Spread psnr = Over(runs, [=](const TrainingResult& run) { return PsnrAt(wall_s, run.curve); });

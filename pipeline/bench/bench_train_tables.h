@@ -9,7 +9,7 @@
 
 namespace pipeline {
 
-// The runs of one budget, a seed each; never empty.
+// The runs of one budget and one split, a seed each; never empty.
 using BudgetResults = std::vector<TrainingResult>;
 
 // Final quality, and the time to several qualities, medians and ranges over the seeds.
@@ -22,7 +22,7 @@ void WriteTrainingTable(const std::filesystem::path& path,
                         const std::string& scene,
                         const std::string& settings);
 
-// Held-out PSNR against wall seconds, a line per budget, the median over its seeds.
+// Held-out PSNR against wall seconds, a line per budget and split, the median over its seeds.
 void WriteTrainingPlot(const std::filesystem::path& path, const std::vector<BudgetResults>& budgets);
 
 }  // namespace pipeline

@@ -31,19 +31,17 @@ double NumberAt(const Json& record, const char* key) {
 
 }  // namespace
 
-TrainingResult ReadTrainingResult(const fs::path& run_folder, const std::string& time, int seed) {
+void ReadTrainingResult(const fs::path& run_folder, TrainingResult* result) {
   const Json train = ReadRecord(run_folder, "train"), evaluate = ReadRecord(run_folder, "evaluate");
-  TrainingResult result{.time = time, .seed = seed};
-  result.psnr_db = NumberAt(evaluate, "psnr");
-  result.ssim = NumberAt(evaluate, "ssim");
-  result.steps = NumberAt(train, "steps");
-  result.train_s = NumberAt(train, "train_s");
-  result.samples_per_s = NumberAt(train, "samples_per_s");
-  result.peak_rss_bytes = NumberAt(train, "peak_rss_bytes");
+  result->psnr_db = NumberAt(evaluate, "psnr");
+  result->ssim = NumberAt(evaluate, "ssim");
+  result->steps = NumberAt(train, "steps");
+  result->train_s = NumberAt(train, "train_s");
+  result->samples_per_s = NumberAt(train, "samples_per_s");
+  result->peak_rss_bytes = NumberAt(train, "peak_rss_bytes");
   const Json versions = train.value("versions", Json::object());
-  result.commit = versions.is_object() ? versions.value("commit", "") : "";
-  result.curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
-  return result;
+  result->commit = versions.is_object() ? versions.value("commit", "") : "";
+  result->curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
 }
 
 double SecondsTo(double psnr_db, const std::vector<double>& seconds, const std::vector<double>& psnr) {

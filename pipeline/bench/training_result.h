@@ -10,7 +10,8 @@
 namespace pipeline {
 
 struct TrainingResult {
-  std::string time;  // the budget as it was asked for: "15s"
+  std::string time;     // the budget as it was asked for: "15s"
+  std::string holdout;  // which views were held out: "every" or "sector" (stages/heldout_split.h)
   int seed = 0;
   double psnr_db = 0, ssim = 0;  // of the held-out views
   double steps = 0, train_s = 0, samples_per_s = 0, peak_rss_bytes = 0;
@@ -18,8 +19,8 @@ struct TrainingResult {
   nerf::CurveColumns curve;
 };
 
-// Throws kBadState when the folder lacks the records of `train` and `evaluate`.
-TrainingResult ReadTrainingResult(const std::filesystem::path& run_folder, const std::string& time, int seed);
+// Adds the figures to `result`. Throws kBadState when the folder lacks the records of `train` and `evaluate`.
+void ReadTrainingResult(const std::filesystem::path& run_folder, TrainingResult* result);
 
 // When the held-out PSNR first reached psnr_db: linear between the monitored points, that of the first point
 // when it lies above, infinite when none does. seconds: the curve's wall_s or cpu_s.

@@ -118,8 +118,8 @@ TEST_F(BenchTrainStages, EveryBudgetAndSeedIsTrainedOnOneScene) {
                    "--threads=1"}),
             0)
       << Output();
-  std::string want =
-      "normalize --out " + Out() + "/normalized --poses " + Lego() + " --image-size=400 --threads=1\n";
+  std::string want = "normalize --out " + Out() + "/normalized --poses " + Lego() +
+                     " --holdout=every --image-size=400 --threads=1\n";
   for (const std::string time : {"5s", "1m"}) {
     for (const std::string seed : {"1", "2"}) {
       const std::string out = " --out " + Out() + "/runs/" + time + "_seed" + seed + " --threads=1";
@@ -136,12 +136,16 @@ TEST_F(BenchTrainStages, EveryBudgetAndSeedIsTrainedOnOneScene) {
   EXPECT_TRUE(csv.starts_with("machine,commit,what,parameters,metric,unit,value\n"));
   const std::string settings = " every=8 image-size=400 threads=1 precision=fp32";
   const auto has = [&](const std::string& line) { return csv.find("," + Lego() + "," + line + "\n"); };
-  EXPECT_NE(has("time=5s seed=2" + settings + " trained_by=abc,psnr,dB,27"), std::string::npos) << csv;
-  EXPECT_NE(has("time=5s seed=2" + settings + " trained_by=abc,wall_to_25.65dB,s,2.13"), std::string::npos);
-  EXPECT_NE(has("time=5s seed=2" + settings + " trained_by=abc,cpu_to_25.65dB,s,4.26"), std::string::npos);
-  EXPECT_NE(has("time=1m seeds=2" + settings + ",psnr_median,dB,26.5"), std::string::npos);
-  EXPECT_NE(has("time=1m seeds=2" + settings + ",wall_to_30dB_min,s,3"), std::string::npos);
-  EXPECT_NE(has("time=1m seeds=2" + settings + ",wall_to_35dB_median,s,inf"), std::string::npos);
+  EXPECT_NE(has("time=5s holdout=every seed=2" + settings + " trained_by=abc,psnr,dB,27"), std::string::npos)
+      << csv;
+  EXPECT_NE(has("time=5s holdout=every seed=2" + settings + " trained_by=abc,wall_to_25.65dB,s,2.13"),
+            std::string::npos);
+  EXPECT_NE(has("time=5s holdout=every seed=2" + settings + " trained_by=abc,cpu_to_25.65dB,s,4.26"),
+            std::string::npos);
+  EXPECT_NE(has("time=1m holdout=every seeds=2" + settings + ",psnr_median,dB,26.5"), std::string::npos);
+  EXPECT_NE(has("time=1m holdout=every seeds=2" + settings + ",wall_to_30dB_min,s,3"), std::string::npos);
+  EXPECT_NE(has("time=1m holdout=every seeds=2" + settings + ",wall_to_35dB_median,s,inf"),
+            std::string::npos);
   const std::string svg = ReadText(dir_ / "out/psnr_over_time.svg");
   EXPECT_NE(svg.find(">1m</text>"), std::string::npos) << svg;
   EXPECT_NE(svg.find("series-1"), std::string::npos);
@@ -151,6 +155,26 @@ TEST_F(BenchTrainStages, EveryBudgetAndSeedIsTrainedOnOneScene) {
   EXPECT_EQ(Log(),
             "train --out " + Out() + "/runs/5s_seed1 --force=true --time=5s --seed=1\nevaluate --out " +
                 Out() + "/runs/5s_seed1 --force=true --every=1 --no-error-budget\n");
+}
+
+TEST_F(BenchTrainStages, BothSplitsOfACaptureAreReported) {
+  ASSERT_EQ(Bench({"--out", Out(), "--poses", Lego(), "--times=5s", "--seeds=1", "--holdouts=every,sector"}),
+            0)
+      << Output();
+  std::string want;
+  for (const std::string split : {"every", "sector"}) {
+    const std::string suffix = split == "sector" ? "_sector" : "";
+    want += "normalize --out " + Out() + "/normalized" + suffix + " --poses " + Lego() +
+            " --holdout=" + split + "\ntrain --out " + Out() + "/runs/5s" + suffix +
+            "_seed1 --time=5s --seed=1\nevaluate --out " + Out() + "/runs/5s" + suffix +
+            "_seed1 --every=1 --no-error-budget\n";
+  }
+  EXPECT_EQ(Log(), want);
+  EXPECT_NE(Output().find("5s sector "), std::string::npos) << Output();
+  const std::string csv = ReadText(dir_ / "out/train_results.csv");
+  EXPECT_NE(csv.find("time=5s holdout=sector seed=1"), std::string::npos) << csv;
+  ExpectUsageError({"--out", Out(), "--run", Out(), "--holdouts=sector"}, "--holdouts: the scene of --run");
+  ExpectUsageError({"--out", Out(), "--poses", Lego(), "--holdouts=half"}, "'half' is no split");
 }
 
 TEST_F(BenchTrainStages, AStageThatFailsEndsTheBenchWithItsCode) {
