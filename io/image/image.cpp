@@ -7,6 +7,8 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/check.h"
+#include "io/image/media_type.h"
+#include "io/image/photo_codecs.h"
 
 namespace io {
 namespace {
@@ -25,23 +27,13 @@ Image MakeImage(int width, int height, int channels) {
 }
 
 Image ReadImage(const std::filesystem::path& path) {
-  cv::Mat mat;
+  const std::string file = ReadFile(path);
+  std::vector<std::string> notes;
   try {
-    mat = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
+    return MediaTypeOf(file) == MediaType::kJpeg ? DecodeJpeg(file, &notes) : DecodeWithOpenCv(file, &notes);
+  } catch (const Error& error) {
+    throw Error(error.code(), path.string() + ": " + error.what());
   }
-  if (mat.empty()) throw Error(ExitCode::kBadInput, path.string() + ": cannot be read as a picture");
-  if (mat.depth() == CV_16U) mat.convertTo(mat, CV_8U, 1.0 / 257.0);
-  if (mat.depth() != CV_8U)
-    throw Error(ExitCode::kBadInput, path.string() + ": neither 8 nor 16 bits per channel");
-  Image image = MakeImage(mat.cols, mat.rows, mat.channels() == 4 ? 4 : 3);
-  cv::Mat target = ToMat(image);
-  cv::cvtColor(mat,
-               target,
-               mat.channels() == 1   ? cv::COLOR_GRAY2RGB
-               : mat.channels() == 4 ? cv::COLOR_BGRA2RGBA
-                                     : cv::COLOR_BGR2RGB);
-  return image;
 }
 
 std::vector<std::uint8_t> EncodeImage(const Image& image, const char* extension) {

@@ -20,8 +20,9 @@ struct Image {
 
 Image MakeImage(int width, int height, int channels);
 
-// Reads a PNG or JPEG that we or a well-behaved tool wrote, without applying EXIF orientation (files inside a
-// run folder carry none). Grey becomes RGB; 16 bits become 8 by rounding v / 257. Throws kBadInput.
+// Reads a PNG, JPEG, TIFF or WebP by the decoders of io/image/photo.h, without applying EXIF orientation
+// (files inside a run folder carry none). Grey becomes RGB; 16 bits become 8 by rounding v / 257. Throws
+// kBadInput, for damaged and truncated files as well.
 Image ReadImage(const std::filesystem::path& path);
 
 // Writes PNG (lossless) or JPEG (by extension; quality 95, colour at half resolution: for viewing only),

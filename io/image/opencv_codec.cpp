@@ -1,6 +1,8 @@
 #include <cstdint>
+#include <new>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "io/base/error.h"
 #include "io/image/media_type.h"
@@ -44,15 +46,16 @@ void CheckWebpHeader(std::string_view file) {
   }
 }
 
-// TIFF 6.0, section 2, first directory only.
-void CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
+// TIFF 6.0, section 2, first directory only. Returns where the value of the orientation lies in the file.
+std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
   constexpr std::uint32_t kSubfileType = 254, kWidth = 256, kHeight = 257, kPhotometric = 262,
-                          kDngVersion = 50706;
+                          kOrientation = 274, kDngVersion = 50706;
   constexpr std::uint32_t kShort = 3, kCmyk = 5, kReducedPicture = 1;
   const bool big = file[0] == 'M';
   const std::size_t directory = Number(file, 4, 4, big);
   const std::uint32_t n_entries = Number(file, directory, 2, big);
   double width = 0, height = 0;
+  std::optional<std::size_t> orientation;
   for (std::uint32_t i = 0; i < n_entries; ++i) {
     const std::size_t entry = directory + 2 + 12 * i;
     const std::uint32_t tag = Number(file, entry, 2, big);
@@ -60,6 +63,7 @@ void CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
         Number(file, entry + 8, Number(file, entry + 2, 2, big) == kShort ? 2 : 4, big);
     if (tag == kWidth) width = value;
     if (tag == kHeight) height = value;
+    if (tag == kOrientation) orientation = entry + 8;
     if (tag == kPhotometric && value == kCmyk) Refuse("CMYK TIFF. Convert it to an sRGB PNG or JPEG");
     if (tag == kDngVersion || (tag == kSubfileType && (value & kReducedPicture) != 0)) {
       Refuse("camera raw file. Convert it to PNG or JPEG");
@@ -69,24 +73,37 @@ void CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
   if (Number(file, directory + 2 + 12 * n_entries, 4, big) != 0) {
     notes->push_back("several pages in the file: the first one is used");
   }
+  return orientation;
 }
 
 }  // namespace
 
 Image DecodeWithOpenCv(std::string_view file, std::vector<std::string>* notes) {
   const MediaType type = MediaTypeOf(file);
-  if (file.size() < 30) Refuse("the file ends inside its header");
+  constexpr std::size_t kShortestHeader = 30;  // of those below
+  if (type != MediaType::kUnknown && file.size() < kShortestHeader) Refuse("the file ends inside its header");
   if (type == MediaType::kPng) CheckPngHeader(file);
   if (type == MediaType::kWebp) CheckWebpHeader(file);
-  if (type == MediaType::kTiff) CheckTiffHeader(file, notes);
+  std::string upright;  // of a TIFF, whose orientation OpenCV would apply by halves: it never swaps the sides
+  if (type == MediaType::kTiff) {
+    if (const std::optional<std::size_t> at = CheckTiffHeader(file, notes)) {
+      upright = file;
+      upright.replace(*at, 2, file[0] == 'M' ? std::string_view("\0\1", 2) : std::string_view("\1\0", 2));
+      file = upright;
+    }
+  }
 
   cv::Mat mat;
   try {
     const cv::Mat bytes(1, static_cast<int>(file.size()), CV_8U, const_cast<char*>(file.data()));
-    mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);  // applies no EXIF orientation
-  } catch (const cv::Exception&) {
+    mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);  // applies no EXIF orientation of other kinds
+  } catch (const cv::Exception& error) {
+    if (error.code == cv::Error::StsNoMem) throw std::bad_alloc();
   }
-  if (mat.empty()) Refuse(std::string("truncated or damaged ") + MediaTypeName(type));
+  if (mat.empty()) {
+    Refuse(type == MediaType::kUnknown ? "cannot be read as a picture"
+                                       : std::string("truncated or damaged ") + MediaTypeName(type));
+  }
   if (mat.depth() == CV_16U) {
     mat.convertTo(mat, CV_8U, 1.0 / 257.0);
     notes->push_back("16 bits per channel scaled to 8");

@@ -24,7 +24,8 @@ Image DecodeJpeg(std::string_view file, std::vector<std::string>* notes);
 // libheif; it applies the container's own rotation and mirroring, so tags->orientation is set to 1.
 Image DecodeHeif(std::string_view file, PhotoTags* tags, std::vector<std::string>* notes);
 
-// PNG, TIFF, WebP through OpenCV, behind our own reading of the header.
+// PNG, TIFF, WebP through OpenCV, behind our own reading of the header, and what else OpenCV knows. Throws
+// std::bad_alloc where OpenCV lacks memory.
 Image DecodeWithOpenCv(std::string_view file, std::vector<std::string>* notes);
 
 }  // namespace io

@@ -59,7 +59,11 @@ PhotoTags ReadPhotoTags(std::string_view file) {
   try {
     const auto image = Exiv2::ImageFactory::open(reinterpret_cast<const Exiv2::byte*>(file.data()),
                                                  static_cast<long>(file.size()));
-    image->readMetadata();
+    try {
+      image->readMetadata();
+    } catch (const std::exception&) {
+      // A damaged colour profile must not cost the orientation, which was read before it.
+    }
     PhotoTags tags = TagsOf(image->exifData());
     if (const Exiv2::DataBuf* icc = image->iccProfile(); icc && icc->size_ > 0) {
       tags.colour_profile = ForeignProfileName(

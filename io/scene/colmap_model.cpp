@@ -69,8 +69,8 @@ Camera ToCamera(const fs::path& path, const ColmapCameraRecord& record) {
                 path.string() + ": " + label + " has the model " + record.model + ", which is not supported",
                 "Undistort first (colmap image_undistorter)");
   }
-  if (!(camera.fl_x > 0) || !(camera.fl_y > 0))
-    Fail(path, label + " has a focal length that is not positive");
+  if (const std::string fault = ImplausibleIntrinsics(camera); !fault.empty())
+    Fail(path, label + " has " + fault);
   return camera;
 }
 

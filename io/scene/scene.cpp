@@ -1,7 +1,14 @@
 #include "io/scene/scene.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 namespace io {
 namespace {
+
+// See ImplausibleIntrinsics.
+constexpr double kMinFocalPerSide = 0.1, kMaxFocalPerSide = 30, kPrincipalPointMargin = 1;  // pixel
 
 // Newton on the distortion converges quadratically where it is monotone; 20 steps are far more than it needs
 // there.
@@ -25,6 +32,30 @@ Eigen::Vector2d Distort(const Camera& camera, const Eigen::Vector2d& uv, Eigen::
 }
 
 }  // namespace
+
+std::string ImplausibleIntrinsics(const Camera& camera) {
+  const double side = std::max(camera.width, camera.height);
+  for (const double focal : {camera.fl_x, camera.fl_y}) {
+    if (!(focal >= kMinFocalPerSide * side && focal <= kMaxFocalPerSide * side))
+      return fmt::format(
+          "a focal length of {:g} pixels for pictures of {}x{}: not {:g} to {:g} times the longer side",
+          focal,
+          camera.width,
+          camera.height,
+          kMinFocalPerSide,
+          kMaxFocalPerSide);
+  }
+  const auto is_inside = [](double c, int pixels) {
+    return c >= kPrincipalPointMargin && c <= pixels - kPrincipalPointMargin;
+  };
+  if (!is_inside(camera.cx, camera.width) || !is_inside(camera.cy, camera.height))
+    return fmt::format("its principal point ({:g}, {:g}) on the edge of the picture, {}x{}, or outside",
+                       camera.cx,
+                       camera.cy,
+                       camera.width,
+                       camera.height);
+  return "";
+}
 
 void RenumberObservers(const std::vector<int>& new_index, std::vector<Point3D>* points) {
   std::erase_if(*points, [&](Point3D& point) {

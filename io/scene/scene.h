@@ -28,6 +28,12 @@ struct Camera {
   bool operator==(const Camera&) const = default;
 };
 
+// What no lens and no crop of its pictures has, for a message; empty when the camera is plausible. Focal
+// lengths: 0.1 to 30 of the longer side; beyond, pictures span less than two degrees, and their rays hardly
+// differ. The principal point lies inside the picture: one on its edge, or outside, was never set or belongs
+// to another size.
+std::string ImplausibleIntrinsics(const Camera& camera);
+
 struct Frame {
   std::filesystem::path image_path;  // absolute, or relative to the file that the scene was read from
   int camera_index = 0;              // into Scene::cameras

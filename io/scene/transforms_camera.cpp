@@ -13,7 +13,7 @@ namespace io {
 namespace {
 
 constexpr double kMaxPixels = 65535;    // as ReadImageSize
-constexpr double kMaxFocal = 1e7;       // pixels; a longer lens sees a thousandth of a degree
+constexpr double kMaxFocal = 1e7;       // pixels; ImplausibleIntrinsics tells the rest
 constexpr double kMaxDistortion = 100;  // the k2 of a strong lens is below 10
 // Relative; a rounded angle differs by 1e-6, another camera by percents.
 constexpr double kFocalAgreement = 1e-3;
@@ -87,9 +87,10 @@ Camera ReadTransformsCamera(const JsonReader& top,
   if (!fl_x && !fl_y) frame.Fail("states no fl_x, fl_y or camera_angle_x, nor does the top level");
   camera.fl_x = fl_x ? *fl_x : *fl_y;
   camera.fl_y = fl_y ? *fl_y : *fl_x;
-  // A principal point may lie outside a cropped picture, but not by more than its size.
-  camera.cx = Stated(top, frame, "cx", -size.width, 2.0 * size.width).value_or(0.5 * size.width);
-  camera.cy = Stated(top, frame, "cy", -size.height, 2.0 * size.height).value_or(0.5 * size.height);
+  camera.cx = Stated(top, frame, "cx", -kMaxPixels, kMaxPixels).value_or(0.5 * size.width);
+  camera.cy = Stated(top, frame, "cy", -kMaxPixels, kMaxPixels).value_or(0.5 * size.height);
+  if (const std::string fault = ImplausibleIntrinsics(camera); !fault.empty())
+    frame.Fail("states " + fault, "Correct the camera");
   const auto distortion = [&](const char* key) {
     return Stated(top, frame, key, -kMaxDistortion, kMaxDistortion).value_or(0);
   };

@@ -114,17 +114,18 @@ io::Camera LimitedCamera(const io::Camera& camera, int limit) {
   return io::ResizedCamera(camera, scaled(camera.width), scaled(camera.height));
 }
 
-// A PNG that needs no resizing becomes a hard link to the same file, or a copy where the file system has no
-// hard links.
+// A whole PNG that needs no resizing becomes a hard link to the same file, or a copy where the file system
+// has no hard links.
 void PlacePicture(const fs::path& from, const fs::path& to, int width, int height, const io::Camera& camera) {
   fs::create_directories(to.parent_path());
+  const io::Image image = io::ReadImage(from);
   if (width == camera.width && height == camera.height && from.extension() == ".png") {
     std::error_code error;
     fs::create_hard_link(fs::canonical(from), to, error);
     if (error) fs::copy_file(from, to);
     return;
   }
-  io::WriteImage(to, io::ResizeArea(io::ReadImage(from), width, height));
+  io::WriteImage(to, io::ResizeArea(image, width, height));
 }
 
 // Writes the pictures at training size, and their masks at the same below masks/; the scene then has the

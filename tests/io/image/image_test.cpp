@@ -33,6 +33,20 @@ TEST(Image, PngRoundTripIsExact) {
   EXPECT_EQ(CountEntries(dir.path()), 1);
 }
 
+TEST(Image, DamagedFilesAreRefusedByName) {
+  const TempDir dir;
+  for (const char* name : {"i.jpg", "i.png"}) {
+    io::WriteImage(dir / name, Pattern(64, 48, 3));
+    const std::string whole = ReadText(dir / name);
+    std::string damaged = whole;
+    for (std::size_t i = whole.size() / 2; i < whole.size() / 2 + 40; ++i) damaged[i] = '\x55';
+    for (const std::string& bytes : {whole.substr(0, whole.size() / 2), whole.substr(0, 20), damaged}) {
+      WriteText(dir / name, bytes);
+      EXPECT_ERROR(io::ReadImage(dir / name), io::ExitCode::kBadInput, name);
+    }
+  }
+}
+
 TEST(Image, ChannelsAreRedGreenBlueInFiles) {
   const TempDir dir;
   WriteText(dir / "red.ppm", std::string("P6 1 1 255\n\xff\x02\x01", 14));

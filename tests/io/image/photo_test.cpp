@@ -150,31 +150,48 @@ TEST(Photo, OrientationIsBakedOnce) {
     int orientation;
     bool right, bottom, transposed;
   };
-  const std::string jpeg = Encode(".png", Picture(CV_8UC3));
-  const io::Image stored = io::DecodePhoto(jpeg, 1600).image;
-  for (const Case& c : {Case{1, false, false, false},
-                        Case{2, true, false, false},
-                        Case{3, true, true, false},
-                        Case{4, false, true, false},
-                        Case{5, false, false, true},
-                        Case{6, true, false, true},
-                        Case{7, true, true, true},
-                        Case{8, false, true, true}}) {
-    const std::string file = WithExif(jpeg, {{"Exif.Image.Orientation", std::to_string(c.orientation)}});
-    const io::Image image = io::DecodePhoto(file, 1600).image;
-    ASSERT_EQ(image.width, c.transposed ? kHeight : kWidth);
-    ASSERT_EQ(image.height, c.transposed ? kWidth : kHeight);
-    const io::Photo small = io::DecodePhoto(file, kWidth / 2);
-    EXPECT_EQ(small.orientation, c.orientation);
-    EXPECT_EQ(small.full_width, image.width);
-    EXPECT_EQ(small.full_height, image.height);
-    const int x = c.right ? image.width - 1 : 0, y = c.bottom ? image.height - 1 : 0;
-    EXPECT_EQ(std::memcmp(image.Pixel(x, y), stored.Pixel(0, 0), 3), 0) << c.orientation;
-    // The stored top right corner tells mirrored from turned.
-    const int right_x = c.transposed ? x : image.width - 1 - x,
-              right_y = c.transposed ? image.height - 1 - y : y;
-    EXPECT_EQ(std::memcmp(image.Pixel(right_x, right_y), stored.Pixel(kWidth - 1, 0), 3), 0) << c.orientation;
+  constexpr Case kCases[] = {Case{1, false, false, false},
+                             Case{2, true, false, false},
+                             Case{3, true, true, false},
+                             Case{4, false, true, false},
+                             Case{5, false, false, true},
+                             Case{6, true, false, true},
+                             Case{7, true, true, true},
+                             Case{8, false, true, true}};
+  for (const char* extension : {".png", ".tiff"}) {
+    const std::string whole = Encode(extension, Picture(CV_8UC3));
+    const io::Image stored = io::DecodePhoto(whole, 1600).image;
+    for (const Case& c : kCases) {
+      const std::string file = WithExif(whole, {{"Exif.Image.Orientation", std::to_string(c.orientation)}});
+      const io::Image image = io::DecodePhoto(file, 1600).image;
+      ASSERT_EQ(image.width, c.transposed ? kHeight : kWidth);
+      ASSERT_EQ(image.height, c.transposed ? kWidth : kHeight);
+      const io::Photo small = io::DecodePhoto(file, kWidth / 2);
+      EXPECT_EQ(small.orientation, c.orientation);
+      EXPECT_EQ(small.full_width, image.width);
+      EXPECT_EQ(small.full_height, image.height);
+      const int x = c.right ? image.width - 1 : 0, y = c.bottom ? image.height - 1 : 0;
+      EXPECT_EQ(std::memcmp(image.Pixel(x, y), stored.Pixel(0, 0), 3), 0) << c.orientation;
+      // The stored top right corner tells mirrored from turned.
+      const int right_x = c.transposed ? x : image.width - 1 - x,
+                right_y = c.transposed ? image.height - 1 - y : y;
+      EXPECT_EQ(std::memcmp(image.Pixel(right_x, right_y), stored.Pixel(kWidth - 1, 0), 3), 0)
+          << c.orientation;
+    }
   }
+}
+
+TEST(Photo, ADamagedColourProfileCostsNoOrientation) {
+  const std::string exif = WithExif(Encode(".jpg", Picture(CV_8UC3)), {{"Exif.Image.Orientation", "6"}});
+  // APP2 marker behind the EXIF block (ICC.1:2010, annex B.4), with a profile of one byte.
+  const std::string profile = std::string("ICC_PROFILE\0\1\1", 14) + "x";
+  const std::string marker = std::string("\xff\xe2\0", 3) + static_cast<char>(profile.size() + 2) + profile;
+  const std::size_t exif_at = exif.find("Exif") - 4;
+  const std::size_t exif_size =
+      static_cast<unsigned char>(exif[exif_at + 2]) * 256u + static_cast<unsigned char>(exif[exif_at + 3]);
+  std::string file = exif;
+  file.insert(exif_at + 2 + exif_size, marker);
+  EXPECT_EQ(io::DecodePhoto(file, 1600).orientation, 6);
 }
 
 TEST(Photo, FocalLengthFollowsTheSizeAndLiesAreIgnored) {

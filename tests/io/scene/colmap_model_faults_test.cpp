@@ -39,6 +39,8 @@ TEST(ColmapModelFaults, EachFaultIsNamed) {
       {{cameras, "camera 3", "1099511627776"},
        [](Records* r) { r->cameras[1].height = std::uint64_t{1} << 40; }},
       {{cameras, "camera 7", "focal length"}, [](Records* r) { r->cameras[0].params[0] = -5; }},
+      {{cameras, "camera 7", "focal length of 1e+07"}, [](Records* r) { r->cameras[0].params[0] = 1e7; }},
+      {{cameras, "camera 7", "principal point"}, [](Records* r) { r->cameras[0].params[1] = -1; }},
       {{cameras, "camera 3", "finite"}, [](Records* r) { r->cameras[1].params[4] = kNan; }},
       {{images, "image 11", "pose that is not finite"},
        [](Records* r) { r->images[0].quaternion_wxyz[0] = kNan; }},
@@ -69,7 +71,7 @@ TEST(ColmapModelFaults, EachFaultIsNamed) {
     WriteBinary(records, folder.path());
     ExpectError(folder.path(), io::ExitCode::kBadState, names);
   }
-  EXPECT_EQ(faults.size(), 21u);
+  EXPECT_EQ(faults.size(), 23u);
 }
 
 TEST(ColmapModelFaults, CountsAreCheckedBeforeAllocation) {
