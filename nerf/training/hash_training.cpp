@@ -29,7 +29,7 @@ constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
 constexpr double kNearnessWeight = 3e-4, kFirstNearness = 11, kNearnessShare = 0.25;
 // Share of a run of an unbounded scene after which space that was found empty stays so: what comes late into
 // the open is seldom a surface, and often the noise of one picture, painted on a wall before its camera.
-constexpr double kSettledShare = 1.0 / 3;
+constexpr double kSettledShare = 0.15;
 constexpr int kMinRays = 256, kMaxRays = 1 << 17;
 // Samples between rebuilds of the occupancy grid.
 constexpr std::uint64_t kRebuildSamples = 1 << 20;

@@ -33,6 +33,8 @@ class StageRun {
   const std::filesystem::path& run_folder() const { return run_folder_; }
   // Content hash of a file that is one of the inputs.
   const std::string& InputHash(const std::filesystem::path& input) const;
+  // Of all inputs, by absolute path.
+  const std::map<std::string, std::string>& input_hashes() const { return input_hashes_; }
 
   // One line that says what was chosen and why; printed and recorded.
   void Decide(const std::string& line);

@@ -13,6 +13,7 @@
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
+#include "pipeline/stages/trained_scene.h"
 #include "pipeline/stages/verdict.h"
 
 namespace pipeline {
@@ -22,6 +23,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   const std::filesystem::path scene_folder = common.out / "scene",
                               checkpoint = common.out / "train/checkpoint.bin";
   StageRun stage("evaluate", common, bound, {scene_folder, checkpoint}, true);
+  RequireTrainedOnThisScene(stage, checkpoint);
   if (stage.IsUpToDate()) return;
   io::Scene test = io::ReadTransforms(scene_folder / "transforms_test.json").scene;
   if (options.every > 1) {

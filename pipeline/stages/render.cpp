@@ -10,6 +10,7 @@
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
+#include "pipeline/stages/trained_scene.h"
 
 namespace pipeline {
 namespace {
@@ -29,6 +30,7 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   const fs::path transforms = common.out / "scene/transforms_train.json";
   const fs::path checkpoint = common.out / "train/checkpoint.bin";
   StageRun stage("render", common, bound, {transforms, checkpoint}, true);
+  RequireTrainedOnThisScene(stage, checkpoint);
   if (stage.IsUpToDate()) return;
   options.photo_side = PhotoSide(common.out / "sfm/transforms.json");
   const io::Scene train = io::ReadTransforms(transforms).scene;
