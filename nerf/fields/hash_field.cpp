@@ -25,7 +25,7 @@ void DropUntrained(const HashGrid& grid,
                    int first,
                    int n,
                    Real* features) {
-  if (trained.empty()) return;
+  if (trained.ContainsAll()) return;
   const auto hashed = std::find_if(grid.levels().begin(),
                                    grid.levels().end(),
                                    [](const kernels::GridLevel& l) { return l.hash_mask != 0; });

@@ -12,28 +12,29 @@ namespace nerf {
 
 class TrainedCells {
  public:
-  static constexpr int kResolution = 128;  // cells per axis
+  static constexpr std::size_t kResolution = 128;  // cells per axis
   // A cell remembers the time of its last sample: 0 to kTimes, in proportion to the progress of training.
   static constexpr int kTimes = 200;
 
-  TrainedCells() : times_(static_cast<std::size_t>(kResolution) * kResolution * kResolution, 0) {}
+  TrainedCells() : times_(kResolution * kResolution * kResolution, 0) {}
 
   // Of samples at `progress` in [0, 1], which never decreases.
   void Mark(const Samples& samples, double progress);
-  // Whether the cell was touched in the second half of the training so far: at first, fog puts samples
-  // everywhere. All cells of a field that nothing was marked for count as trained.
-  bool Contains(float x, float y, float z) const { return 2 * times_[CellAt(x, y, z)] >= latest_; }
-  bool empty() const { return latest_ == 0; }
-
-  std::span<std::uint8_t> times() { return times_; }
-  // To be called after times were set through times().
+  // A cell counts as trained when it, or one that shares a face with it, received a sample in the second half
+  // of the training so far: at first, fog puts samples everywhere. All cells do while nothing is marked.
   void Refresh();
+  // As of the last Refresh.
+  bool Contains(float x, float y, float z) const { return trained_.empty() || trained_[CellAt(x, y, z)]; }
+  bool ContainsAll() const { return trained_.empty(); }
+
+  // What a checkpoint stores; to be followed by Refresh() when it was changed.
+  std::span<std::uint8_t> times() { return times_; }
 
  private:
   static std::size_t CellAt(float x, float y, float z);
 
   std::vector<std::uint8_t> times_;
-  std::uint8_t latest_ = 0;
+  std::vector<std::uint8_t> trained_;  // empty: all are
 };
 
 }  // namespace nerf

@@ -169,6 +169,7 @@ void HashTraining<Real>::UpdateOccupancy(double progress, std::uint64_t done, st
   if (done % rebuild_every_ != 0) return;
   const std::uint64_t n_samples = done * static_cast<std::uint64_t>(options_.samples_per_step);
   const std::uint64_t stride = n_samples <= kFirstSamples ? kFirstProbeStride : kProbeStride;
+  trained_cells_.Refresh();
   ProbeOccupancy(candidates_, stride, done / rebuild_every_, seed, done, scene_field_, workers_);
   scene_field_->grid.Rebuild();
   if (scene_field_->contraction.unbounded && progress >= kSettledShare) {

@@ -16,21 +16,41 @@ Samples At(std::initializer_list<float> xs) {
 
 TEST(TrainedCells, CountsTheSecondHalfOfTrainingSoFar) {
   TrainedCells cells;
-  EXPECT_TRUE(cells.empty());
+  EXPECT_TRUE(cells.ContainsAll());
   EXPECT_TRUE(cells.Contains(0.1f, 0.5f, 0.25f)) << "of a field that nothing was marked for, all are trained";
   cells.Mark(At({0.1f, 0.9f}), 0.1);
+  cells.Refresh();
   EXPECT_TRUE(cells.Contains(0.1f, 0.5f, 0.25f));
   EXPECT_FALSE(cells.Contains(0.5f, 0.5f, 0.25f));
   cells.Mark(At({0.9f}), 0.2);
+  cells.Refresh();
   EXPECT_TRUE(cells.Contains(0.1f, 0.5f, 0.25f));
   cells.Mark(At({0.9f}), 0.3);
+  cells.Refresh();
   EXPECT_FALSE(cells.Contains(0.1f, 0.5f, 0.25f)) << "fog that has gone";
   EXPECT_TRUE(cells.Contains(0.9f, 0.5f, 0.25f));
+}
+
+TEST(TrainedCells, CellsThatShareAFaceWithATrainedOneAreTrained) {
+  constexpr float kCell = 1.f / TrainedCells::kResolution;
+  TrainedCells cells;
+  cells.Mark(At({0.5f * kCell, 0.5f + 0.5f * kCell}), 1);
+  cells.Refresh();
+  for (const float side : {-kCell, kCell}) {
+    const float x = 0.5f + 0.5f * kCell;
+    EXPECT_TRUE(cells.Contains(x + side, 0.5f, 0.25f));
+    EXPECT_TRUE(cells.Contains(x, 0.5f + side, 0.25f));
+    EXPECT_TRUE(cells.Contains(x, 0.5f, 0.25f + side));
+    EXPECT_FALSE(cells.Contains(x + side, 0.5f + side, 0.25f));
+    EXPECT_FALSE(cells.Contains(x + 2 * side, 0.5f, 0.25f));
+  }
+  EXPECT_FALSE(cells.Contains(1 - 0.5f * kCell, 0.5f, 0.25f)) << "the cube does not close on itself";
 }
 
 TEST(TrainedCells, FacesOfTheCubeBelongToTheOutermostCells) {
   TrainedCells cells;
   cells.Mark(At({0.f, 1.f}), 1);
+  cells.Refresh();
   EXPECT_TRUE(cells.Contains(0.5f / TrainedCells::kResolution, 0.5f, 0.25f));
   EXPECT_TRUE(cells.Contains(1 - 0.5f / TrainedCells::kResolution, 0.5f, 0.25f));
 }
@@ -38,9 +58,10 @@ TEST(TrainedCells, FacesOfTheCubeBelongToTheOutermostCells) {
 TEST(TrainedCells, TimesComeBackFromACheckpoint) {
   TrainedCells cells, copy;
   cells.Mark(At({0.1f}), 0.5);
+  cells.Refresh();
   std::copy(cells.times().begin(), cells.times().end(), copy.times().begin());
   copy.Refresh();
-  EXPECT_FALSE(copy.empty());
+  EXPECT_FALSE(copy.ContainsAll());
   EXPECT_TRUE(copy.Contains(0.1f, 0.5f, 0.25f));
   EXPECT_FALSE(copy.Contains(0.5f, 0.5f, 0.25f));
 }
@@ -69,6 +90,7 @@ TEST(TrainedCells, UntrainedPlacesKeepTheDenseLevelsOfTheField) {
   field.QueryDensity(samples, whole);
   dense.QueryDensity(samples, coarse);
   field.trained_cells().Mark(At({0.4f}), 1);
+  field.trained_cells().Refresh();
   field.QueryDensity(samples, masked);
   EXPECT_EQ(masked[0], coarse[0]);
   EXPECT_EQ(masked[1], whole[1]);
