@@ -16,8 +16,8 @@ HashField::Network MakeNetwork(bool bf16, std::uint64_t seed) {
   return HashNetwork<float>(seed);
 }
 
-// Sets the features of hashed levels to 0 for those of samples [first, first + n) that lie in untrained
-// cells.
+// Sets the features of hashed levels, but never of the coarsest, to 0 for samples [first, first + n) that lie
+// in untrained cells.
 template <typename Real>
 void DropUntrained(const HashGrid& grid,
                    const TrainedCells& trained,
@@ -29,7 +29,9 @@ void DropUntrained(const HashGrid& grid,
   const auto hashed = std::find_if(grid.levels().begin(),
                                    grid.levels().end(),
                                    [](const kernels::GridLevel& l) { return l.hash_mask != 0; });
-  const std::size_t n_kept = static_cast<std::size_t>(hashed - grid.levels().begin()) * kernels::kFeatures;
+  const std::size_t n_levels =
+      std::max<std::size_t>(1, static_cast<std::size_t>(hashed - grid.levels().begin()));
+  const std::size_t n_kept = n_levels * kernels::kFeatures;
   const auto n_features = static_cast<std::size_t>(grid.n_features());
   for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
     const std::size_t s = static_cast<std::size_t>(first) + i;
