@@ -4,9 +4,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <set>
+#include <numeric>
 #include <sstream>
 #include <variant>
 
@@ -17,12 +18,24 @@ namespace io {
 
 struct JsonObject {
   std::vector<std::string> keys;
-  std::vector<JsonNode> values;  // same order as keys
+  std::vector<JsonNode> values;        // same order as keys
+  std::vector<std::uint32_t> by_name;  // indices of keys, sorted by key
+
+  // The value of `key`; null when absent.
+  const JsonNode* Find(const std::string& key) const;
 };
 
 struct JsonNode {
   std::variant<std::nullptr_t, bool, double, std::string, std::vector<JsonNode>, JsonObject> value;
 };
+
+const JsonNode* JsonObject::Find(const std::string& key) const {
+  const auto it =
+      std::lower_bound(by_name.begin(), by_name.end(), key, [&](std::uint32_t i, const std::string& k) {
+        return keys[i] < k;
+      });
+  return it != by_name.end() && keys[*it] == key ? &values[*it] : nullptr;
+}
 
 namespace {
 
@@ -44,12 +57,21 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   bool start_array(std::size_t) override { return Open({std::vector<JsonNode>()}); }
   bool end_array() override { return Close(); }
   bool start_object(std::size_t) override { return Open({JsonObject()}); }
-  bool end_object() override { return Close(); }
+  bool end_object() override {
+    auto& object = std::get<JsonObject>(levels_.back().value);
+    const std::vector<std::string>& keys = object.keys;
+    object.by_name.resize(keys.size());
+    std::iota(object.by_name.begin(), object.by_name.end(), 0u);
+    std::sort(
+        object.by_name.begin(), object.by_name.end(), [&](auto a, auto b) { return keys[a] < keys[b]; });
+    const auto twice = std::adjacent_find(
+        object.by_name.begin(), object.by_name.end(), [&](auto a, auto b) { return keys[a] == keys[b]; });
+    if (twice != object.by_name.end()) return Refuse("key \"" + keys[*twice] + "\" occurs twice");
+    return Close();
+  }
 
   bool key(string_t& value) override {
-    Level& level = levels_.back();
-    if (!level.seen_keys.insert(value).second) return Refuse("key \"" + value + "\" occurs twice");
-    std::get<JsonObject>(level.node.value).keys.push_back(std::move(value));
+    std::get<JsonObject>(levels_.back().value).keys.push_back(std::move(value));
     return true;
   }
 
@@ -65,11 +87,6 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   JsonNode root;
 
  private:
-  struct Level {
-    JsonNode node;
-    std::set<std::string> seen_keys;
-  };
-
   bool Refuse(std::string why) {
     if (why.size() > kMaxMessageLength) why = why.substr(0, kMaxMessageLength) + "...";
     refusal = std::move(why);
@@ -79,12 +96,12 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   bool Open(JsonNode node) {
     if (levels_.size() >= kMaxDepth)
       return Refuse("nested deeper than " + std::to_string(kMaxDepth) + " levels");
-    levels_.push_back({std::move(node), {}});
+    levels_.push_back(std::move(node));
     return true;
   }
 
   bool Close() {
-    JsonNode node = std::move(levels_.back().node);
+    JsonNode node = std::move(levels_.back());
     levels_.pop_back();
     return Add(std::move(node));
   }
@@ -93,15 +110,15 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
     if (++values_ > kMaxValues) return Refuse("holds more than " + std::to_string(kMaxValues) + " values");
     if (levels_.empty()) {
       root = std::move(node);
-    } else if (auto* items = std::get_if<std::vector<JsonNode>>(&levels_.back().node.value)) {
+    } else if (auto* items = std::get_if<std::vector<JsonNode>>(&levels_.back().value)) {
       items->push_back(std::move(node));
     } else {
-      std::get<JsonObject>(levels_.back().node.value).values.push_back(std::move(node));
+      std::get<JsonObject>(levels_.back().value).values.push_back(std::move(node));
     }
     return true;
   }
 
-  std::vector<Level> levels_;
+  std::vector<JsonNode> levels_;  // what is open, outermost first
   std::size_t values_ = 0;
 };
 
@@ -132,15 +149,13 @@ void JsonReader::Fail(const std::string& what, const std::string& remedy) const 
 bool JsonReader::Has(const std::string& key) const {
   const auto* object = std::get_if<JsonObject>(&node_->value);
   if (!object) Fail("is not an object");
-  return std::find(object->keys.begin(), object->keys.end(), key) != object->keys.end();
+  return object->Find(key) != nullptr;
 }
 
 JsonReader JsonReader::At(const std::string& key) const {
   if (!Has(key)) Fail("\"" + key + "\" is missing");
-  const auto& object = std::get<JsonObject>(node_->value);
-  const auto found = std::find(object.keys.begin(), object.keys.end(), key) - object.keys.begin();
   return {file_,
-          std::shared_ptr<const JsonNode>(node_, &object.values[static_cast<std::size_t>(found)]),
+          std::shared_ptr<const JsonNode>(node_, std::get<JsonObject>(node_->value).Find(key)),
           json_path_.empty() ? key : json_path_ + "." + key};
 }
 

@@ -24,6 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr double kMaxCoordinate = 1e9;     // double keeps 1e-7 units there
 constexpr double kRigid = 1e-3;            // max |R^T R - I|: beyond it the matrix is no rotation
+constexpr std::size_t kMaxNamedKeys = 10;  // of those that are ignored; the others are counted
 constexpr double kSinglePrecision = 1e-5;  // such noise comes from float32 and is repaired without a note
 constexpr double kExact = 1e-12;           // below it the matrix is kept bit for bit
 
@@ -255,7 +256,13 @@ TransformsFile TransformsReader::Read() {
     ReadPoints(*ply);
   }
   if (json_.Has("pipeline")) ReadPipeline(json_.At("pipeline"));
-  for (const std::string& key : ignored_keys_) file_.notes.push_back("ignored " + key);
+  std::size_t n_named = 0;
+  for (const std::string& key : ignored_keys_) {
+    if (++n_named > kMaxNamedKeys) break;
+    file_.notes.push_back("ignored " + key);
+  }
+  if (ignored_keys_.size() > kMaxNamedKeys)
+    file_.notes.push_back(fmt::format("ignored {} more keys", ignored_keys_.size() - kMaxNamedKeys));
   if (worst_deviation_ > kSinglePrecision)
     file_.notes.push_back(
         fmt::format("rotations deviated from orthonormal by up to {:f} and were replaced by the nearest ones",

@@ -61,6 +61,12 @@ T Get(const std::filesystem::path& path, const Json& json, const char* key, T lo
   return it->get<T>();
 }
 
+// Empty where there is no text of that name.
+std::string TextIn(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
 // Header of a checkpoint whose text is `file`, at least up to the header's end.
 Json ParseHeader(const std::filesystem::path& path, const std::string& file, std::size_t* tensors_at) {
   if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0)
@@ -77,7 +83,7 @@ Json ParseHeader(const std::filesystem::path& path, const std::string& file, std
 }
 
 FieldKind KindIn(const std::filesystem::path& path, const Json& header) {
-  const std::string name = header.value("field", "");
+  const std::string name = TextIn(header, "field");
   const std::optional<FieldKind> kind = FieldKindOf(name);
   if (!kind) Reject(path, "holds a field of unknown kind '" + name + "'");
   return *kind;
@@ -175,6 +181,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
                                 .cone_angle = Get(path, s, "cone_angle", 0.f, kHuge),
                                 .scene_units = Get(path, s, "scene_units", 0, 1) == 1};
   const int grid_resolution = Get(path, header, "grid_resolution", 64, 512);
+  if (grid_resolution % 64 != 0) Reject(path, "header value of grid_resolution is not a multiple of 64");
   state->seed = Get<std::uint64_t>(path, t, "seed", 0, ~0ull);
   state->step = Get<std::uint64_t>(path, t, "step", 0, ~0ull);
   state->budget_s = Get(path, t, "budget_s", 0.0, 1e12);
@@ -203,11 +210,12 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
     Reject(path, "header lists other tensors");
   for (const Entry& entry : entries) {
     const Json& listed = header["tensors"][index++];
-    if (listed.value("name", "") != entry.name || listed.value("bytes", std::size_t{0}) != entry.bytes)
+    if (TextIn(listed, "name") != entry.name ||
+        Get(path, listed, "bytes", std::size_t{0}, kMaxFile) != entry.bytes)
       Reject(path, "tensor " + entry.name + " has another size");
     if (file.size() - at < entry.bytes) Reject(path, "is cut off in tensor " + entry.name);
     std::memcpy(entry.data, file.data() + at, entry.bytes);
-    if (listed.value("hash", "") != io::HashBytes(entry.view()))
+    if (TextIn(listed, "hash") != io::HashBytes(entry.view()))
       Reject(path, "hash of tensor " + entry.name + " differs");
     at += entry.bytes;
   }

@@ -15,6 +15,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
 Json ReadRecord(const fs::path& run_folder, const std::string& stage) {
   Json record = ReadStageRecord(run_folder, stage);
   if (record.is_object()) return record;
@@ -23,24 +25,18 @@ Json ReadRecord(const fs::path& run_folder, const std::string& stage) {
                   "Remove the folder and repeat the command");
 }
 
-double NumberAt(const Json& record, const char* key) {
-  const auto found = record.find(key);
-  return found != record.end() && found->is_number() ? found->get<double>()
-                                                     : std::numeric_limits<double>::quiet_NaN();
-}
-
 }  // namespace
 
 void ReadTrainingResult(const fs::path& run_folder, TrainingResult* result) {
   const Json train = ReadRecord(run_folder, "train"), evaluate = ReadRecord(run_folder, "evaluate");
-  result->psnr_db = NumberAt(evaluate, "psnr");
-  result->ssim = NumberAt(evaluate, "ssim");
-  result->steps = NumberAt(train, "steps");
-  result->train_s = NumberAt(train, "train_s");
-  result->samples_per_s = NumberAt(train, "samples_per_s");
-  result->peak_rss_bytes = NumberAt(train, "peak_rss_bytes");
-  const Json versions = train.value("versions", Json::object());
-  result->commit = versions.is_object() ? versions.value("commit", "") : "";
+  result->psnr_db = NumberAt(evaluate, "psnr", kNan);
+  result->ssim = NumberAt(evaluate, "ssim", kNan);
+  result->steps = NumberAt(train, "steps", kNan);
+  result->train_s = NumberAt(train, "train_s", kNan);
+  result->samples_per_s = NumberAt(train, "samples_per_s", kNan);
+  result->peak_rss_bytes = NumberAt(train, "peak_rss_bytes", kNan);
+  const auto versions = train.find("versions");
+  result->commit = versions != train.end() ? TextAt(*versions, "commit") : "";
   result->curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
 }
 
@@ -64,11 +60,10 @@ double PsnrAt(double wall_s, const nerf::CurveColumns& curve) {
     return std::lerp(curve.heldout_psnr[i - 1], curve.heldout_psnr[i], share);
   }
   const bool is_over = !at.empty() && at.back() < wall_s;
-  return is_over ? curve.heldout_psnr.back() : std::numeric_limits<double>::quiet_NaN();
+  return is_over ? curve.heldout_psnr.back() : kNan;
 }
 
 Spread SpreadOf(std::vector<double> values) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   if (std::any_of(values.begin(), values.end(), [](double v) { return std::isnan(v); }))
     return {kNan, kNan, kNan};
   const auto [low, high] = std::minmax_element(values.begin(), values.end());

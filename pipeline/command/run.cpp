@@ -125,8 +125,7 @@ int RunStage(const std::string& stage, const fs::path& out, const std::vector<st
     return 128 + report.signal;
   }
   if (report.exit_code != 0) return report.exit_code;
-  const Json record = ReadStageRecord(out, stage);
-  if (!record.is_object() || record.value("status", "") != "done")
+  if (TextAt(ReadStageRecord(out, stage), "status") != "done")
     throw Error(ExitCode::kInternal, stage + " ended without its record", "Please report this as a bug");
   return 0;
 }
@@ -135,8 +134,7 @@ void PrintResults(const fs::path& out, const std::vector<std::string>& stages, d
   double total_s = 0;
   std::string times;
   for (const std::string& stage : stages) {
-    const Json record = ReadStageRecord(out, stage);
-    const double stage_s = record.value("wall_s", 0.0);
+    const double stage_s = NumberAt(ReadStageRecord(out, stage), "wall_s");
     total_s += stage_s;
     times += (times.empty() ? "" : ", ") + stage + " " + io::FormatDuration(stage_s);
   }
@@ -149,8 +147,8 @@ void PrintResults(const fs::path& out, const std::vector<std::string>& stages, d
               io::FormatDuration(total_s).c_str(),
               times.c_str(),
               io::FormatDuration(wall_s).c_str(),
-              film.c_str(),
-              page.c_str());
+              io::Printable(film.string()).c_str(),
+              io::Printable(page.string()).c_str());
 }
 
 int RunChain(const RunOptions& run, const RunInput& input, const Options& options) {
@@ -165,7 +163,9 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
   const FolderLock lock(out, "run");
   std::fprintf(stderr, "pipeline run: %s\n", StartupLine(DescribeMachine()).c_str());
   if (!input.poses.empty()) {
-    std::fprintf(stderr, "pipeline run: %s has poses: ingest and sfm are not needed\n", input.poses.c_str());
+    std::fprintf(stderr,
+                 "pipeline run: %s has poses: ingest and sfm are not needed\n",
+                 io::Printable(input.poses.string()).c_str());
     for (const char* stage : {"ingest", "sfm"}) {
       if (!ReadStageRecord(out, stage).empty())
         throw Error(ExitCode::kUsage, out.string() + ": holds a run of pictures", "Choose another --out");

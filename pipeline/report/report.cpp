@@ -3,6 +3,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/hash.h"
+#include "io/base/quoting.h"
 #include "pipeline/report/report.h"
 #include "pipeline/report/report_page.h"
 #include "pipeline/stage/common_options.h"
@@ -61,7 +62,8 @@ void Report(CommonOptions common, const Options& bound) {
   io::WriteFileAtomically(page_path, page);
   stage.Set("page_hash", io::HashBytes(page));
   stage.Set("page_bytes", static_cast<double>(page.size()));
-  std::printf("report: %s\n", fs::absolute(page_path).lexically_normal().c_str());
+  const std::string shown = io::Printable(fs::absolute(page_path).lexically_normal().string());
+  std::printf("report: %s\n", shown.c_str());
   stage.Finish();
 }
 

@@ -28,16 +28,6 @@ Json ReadObject(const fs::path& path) {
                                    : Json::object();
 }
 
-double NumberAt(const Json& json, const char* key) {
-  const auto it = json.find(key);
-  return it != json.end() && it->is_number() ? it->get<double>() : 0;
-}
-
-std::string TextAt(const Json& json, const char* key) {
-  const auto it = json.find(key);
-  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
-}
-
 // The members of an array that are objects.
 std::vector<Json> ObjectsAt(const Json& json, const char* key) {
   std::vector<Json> objects;

@@ -7,6 +7,7 @@
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
+#include "io/base/quoting.h"
 
 namespace pipeline {
 
@@ -15,7 +16,8 @@ using io::ExitCode;
 
 int GuardedMain(const std::string& program, const std::function<void()>& body) {
   const auto report = [&](ExitCode code, const std::string& what) {
-    std::fprintf(stderr, "%s: error E%d: %s\n", program.c_str(), static_cast<int>(code), what.c_str());
+    std::fprintf(
+        stderr, "%s: error E%d: %s\n", program.c_str(), static_cast<int>(code), io::Printable(what).c_str());
     return static_cast<int>(code);
   };
   try {

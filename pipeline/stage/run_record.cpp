@@ -59,7 +59,19 @@ void RecordRun(const fs::path& run_folder, const Json& members) {
 Json ReadStageRecord(const fs::path& run_folder, const std::string& stage_name) {
   const std::string folder = FindStage(stage_name).folder;
   const fs::path path = run_folder / folder / (folder + ".json");
-  return fs::is_regular_file(path) ? Json::parse(io::ReadFile(path), nullptr, false) : Json();
+  Json record;
+  if (fs::is_regular_file(path)) record = Json::parse(io::ReadFile(path), nullptr, false);
+  return record.is_object() ? record : Json();
+}
+
+double NumberAt(const Json& json, const char* key, double otherwise) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_number() ? it->get<double>() : otherwise;
+}
+
+std::string TextAt(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
 }
 
 }  // namespace pipeline

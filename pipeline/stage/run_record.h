@@ -20,9 +20,14 @@ nlohmann::ordered_json ReadStageEntry(const std::filesystem::path& run_folder, c
 // Merges the members of an object into run.json. Takes the stage lock meanwhile.
 void RecordRun(const std::filesystem::path& run_folder, const nlohmann::ordered_json& members);
 
-// The record of a finished stage, the object in <run>/<folder>/<folder>.json; null when absent, discarded (no
-// object either) when it is not JSON.
+// The record of a finished stage, the object in <run>/<folder>/<folder>.json; null when there is none or it
+// is no JSON object.
 nlohmann::ordered_json ReadStageRecord(const std::filesystem::path& run_folder,
                                        const std::string& stage_name);
+
+// A member of a record that may have been edited or damaged: `otherwise`, or empty, where `json` is no
+// object, lacks the member or has another type there.
+double NumberAt(const nlohmann::ordered_json& json, const char* key, double otherwise = 0);
+std::string TextAt(const nlohmann::ordered_json& json, const char* key);
 
 }  // namespace pipeline

@@ -12,6 +12,7 @@
 #include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
 #include "io/base/progress.h"
+#include "io/base/quoting.h"
 #include "io/base/resource_meter.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
@@ -43,8 +44,15 @@ void HashTree(const fs::path& path, const fs::path& skipped, std::map<std::strin
   }
 }
 
-bool OutputsIntact(const fs::path& folder, const Json& record) {
-  if (!record.contains("outputs")) return false;
+// Of all members of a record but the hash itself.
+std::string HashOfRecord(Json record) {
+  record.erase("record_hash");
+  return io::HashBytes(Dump(record));
+}
+
+// The record and the files that it lists are as the stage wrote them.
+bool ProductsIntact(const fs::path& folder, const Json& record) {
+  if (TextAt(record, "record_hash") != HashOfRecord(record) || !record.contains("outputs")) return false;
   for (const auto& [name, hash] : record["outputs"].items()) {
     const fs::path file = folder / name;
     if (!fs::is_regular_file(file) || io::HashFile(file) != hash) return false;
@@ -95,8 +103,7 @@ StageRun::StageRun(const std::string& stage_name,
   key_ = io::HashBytes(key_text);
 
   const Json record = ReadStageRecord(run_folder_, stage_name);
-  up_to_date_ = !common.force && record.is_object() && record.contains("key") && record["key"] == key_ &&
-                OutputsIntact(final_, record);
+  up_to_date_ = !common.force && TextAt(record, "key") == key_ && ProductsIntact(final_, record);
   if (up_to_date_) {
     Record("done", record);
     std::fprintf(stderr, "%s: up to date\n", stage_name.c_str());
@@ -139,7 +146,7 @@ void StageRun::Record(const std::string& status, const Json& record) {
 }
 
 void StageRun::Decide(const std::string& line) {
-  std::fprintf(stderr, "%s: %s\n", stage_name_.c_str(), line.c_str());
+  std::fprintf(stderr, "%s: %s\n", stage_name_.c_str(), io::Printable(line).c_str());
   decisions_.push_back(line);
 }
 
@@ -177,6 +184,7 @@ void StageRun::Finish() {
   record["outputs"] = Json::object();
   for (const auto& [path, hash] : output_hashes)
     record["outputs"][fs::path(path).lexically_relative(partial_).string()] = hash;
+  record["record_hash"] = HashOfRecord(record);
 
   io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), Dump(record) + "\n");
   io::ReplaceFolder(partial_, final_);

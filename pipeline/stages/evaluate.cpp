@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "io/base/quoting.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
@@ -61,7 +62,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
                           fitted,
                           scores.ssim,
                           scores.flip,
-                          worst.name,
+                          io::Printable(worst.name),
                           worst.psnr_db)
                   .c_str());
   if (verdict.outcome != Outcome::kReconstructed)

@@ -7,6 +7,7 @@
 
 #include "io/base/error.h"
 #include "io/base/median.h"
+#include "io/base/quoting.h"
 #include "io/image/mask.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
@@ -133,7 +134,8 @@ void RecordFigures(const sfm::Reconstruction& result, std::size_t n_pictures, St
   for (const sfm::Unregistered& picture : result.unregistered) {
     const std::string cause = picture.refusal.Summary();
     unregistered.push_back({{"name", picture.name}, {"cause", cause}});
-    std::fprintf(stderr, "sfm: not registered: %s (%s)\n", picture.name.c_str(), cause.c_str());
+    std::fprintf(
+        stderr, "sfm: not registered: %s (%s)\n", io::Printable(picture.name).c_str(), cause.c_str());
   }
   stage->SetJson("unregistered", unregistered);
   const std::string line = fmt::format(

@@ -19,6 +19,21 @@ TEST(Quoting, TheShellReadsTheSameWords) {
   }
 }
 
+TEST(Quoting, NothingInANameReachesTheTerminalAsAnOrder) {
+  for (const std::string text : {"", "plain name.jpg", "two\nlines", "ünï \u2014 \U0001f4f7", "back\\slash"})
+    EXPECT_EQ(io::Printable(text), text);
+  EXPECT_EQ(io::Printable("a\x1b[31mred\x07"), "a\\x1b[31mred\\x07");
+  EXPECT_EQ(io::Printable("over\rwritten\t\x7f"), "over\\x0dwritten\\x09\\x7f");
+  EXPECT_EQ(io::Printable(std::string("a\0b", 3)), "a\\x00b");
+  EXPECT_EQ(io::Printable("\xc2\x9b"), "\\xc2\\x9b");       // CSI of the C1 set
+  EXPECT_EQ(io::Printable("caf\xe9.jpg"), "caf\\xe9.jpg");  // Latin-1
+  EXPECT_EQ(io::Printable("\xc3"), "\\xc3");
+  EXPECT_EQ(io::Printable("\xc0\x9b"), "\\xc0\\x9b");                    // overlong
+  EXPECT_EQ(io::Printable("\xe0\x80\x9b"), "\\xe0\\x80\\x9b");           // overlong
+  EXPECT_EQ(io::Printable("\xed\xa0\x80"), "\\xed\\xa0\\x80");           // surrogate
+  EXPECT_EQ(io::Printable("\xf4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80");  // beyond U+10FFFF
+}
+
 TEST(Quoting, FieldsOfCsvAreQuotedWhereNeeded) {
   for (const std::string field : {"", "a", "b c", "it's"}) EXPECT_EQ(io::CsvField(field), field);
   EXPECT_EQ(io::CsvField("1,5"), "\"1,5\"");

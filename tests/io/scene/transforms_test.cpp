@@ -1,6 +1,8 @@
 // transforms.json: every dialect is read, and every fault of a file is named.
 #include "io/scene/transforms.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <fstream>
 #include <random>
@@ -128,6 +130,15 @@ TEST_F(Transforms, UnknownKeysAreNotedAndKnownForeignOnesAreSilent) {
       ReadText(File(R"("fl_x": 10, "colour": 1, "sharpness_discard_threshold": 0)", R"(, "tag": [1])"));
   EXPECT_EQ(file.notes,
             (std::vector<std::string>{"ignored colour (unknown)", "ignored frames[].tag (unknown)"}));
+}
+
+TEST_F(Transforms, OfManyUnknownKeysTenAreNamed) {
+  std::string keys = R"("fl_x": 10)";
+  for (int i = 0; i < 50000; ++i) keys += fmt::format(R"(, "unknown{:05}": 1)", i);
+  const auto file = ReadText(File(keys));
+  ASSERT_EQ(file.notes.size(), 11u);
+  EXPECT_EQ(file.notes[9], "ignored unknown00009 (unknown)");
+  EXPECT_EQ(file.notes[10], "ignored 49990 more keys");
 }
 
 TEST_F(Transforms, NoiseInRotationsIsRepairedAndMoreIsRefused) {

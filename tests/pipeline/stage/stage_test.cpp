@@ -110,6 +110,35 @@ TEST(StageRun, SkipsExactlyWhatIsStillValid) {
   EXPECT_FALSE(stage.Run(3));
 }
 
+TEST(StageRun, ARecordWithAnyValueChangedIsMadeAnew) {
+  const TempDir dir;
+  const Doubling stage(dir);
+  EXPECT_TRUE(stage.Run());
+  const Json record = stage.Record();
+  const fs::path file = stage.run / "scene/scene.json";
+  for (const auto& member : record.items()) {
+    for (const Json& value : {Json(), Json(7), Json("x"), Json(true), Json(Json::array()), Json{{"a", 1}}}) {
+      Json changed = record;
+      changed[member.key()] = value;
+      WriteText(file, changed.dump());
+      EXPECT_TRUE(stage.Run()) << member.key() << " " << value;
+    }
+  }
+  WriteText(file, "[1, 2]");
+  EXPECT_TRUE(pipeline::ReadStageRecord(stage.run, "normalize").is_null());
+  EXPECT_TRUE(stage.Run());
+  EXPECT_FALSE(stage.Run());
+}
+
+TEST(RunRecord, ValuesOfOtherTypesAreAsGoodAsNone) {
+  for (const Json& json : {Json(), Json(3), Json("x"), Json{{"s", 5}}, Json{{"s", Json::array()}}})
+    EXPECT_EQ(pipeline::TextAt(json, "s"), "");
+  EXPECT_EQ(pipeline::TextAt({{"s", "done"}}, "s"), "done");
+  for (const Json& json : {Json(), Json(3), Json("x"), Json{{"n", "5"}}, Json{{"n", true}}})
+    EXPECT_EQ(pipeline::NumberAt(json, "n", 2.5), 2.5);
+  EXPECT_EQ(pipeline::NumberAt({{"n", 4}}, "n"), 4);
+}
+
 TEST(StageRun, InputsMayBeNamedRelativeToTheWorkingFolder) {
   const TempDir dir;
   const Doubling stage(dir);

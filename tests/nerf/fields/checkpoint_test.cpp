@@ -1,0 +1,112 @@
+// A checkpoint whose header holds values of another type or size, under a right hash, is refused by name.
+#include "nerf/fields/checkpoint.h"
+
+#include <cstring>
+
+#include "io/base/error.h"
+#include "io/base/hash.h"
+#include "tests/support/temp_dir.h"
+
+namespace nerf {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::size_t kLengthAt = 8, kHashAt = 12, kHeaderAt = 44;  // after the magic; the header's hash; it
+
+// A checkpoint taken apart.
+struct Parts {
+  explicit Parts(const std::string& file) : magic(file.substr(0, kLengthAt)) {
+    std::uint32_t length;
+    std::memcpy(&length, file.data() + kLengthAt, sizeof length);
+    header = Json::parse(file.substr(kHeaderAt, length));
+    tensors = file.substr(kHeaderAt + length);
+  }
+  std::string With(const Json& other) const {
+    const std::string text = other.dump();
+    const auto length = static_cast<std::uint32_t>(text.size());
+    std::string file = magic;
+    file.append(reinterpret_cast<const char*>(&length), kHashAt - kLengthAt);
+    return file + io::HashBytes(text) + text + tensors;
+  }
+
+  std::string magic, tensors;
+  Json header;
+};
+
+// Reads the file; what is thrown must be a refusal that names it.
+void ReadOrRefuse(const std::filesystem::path& path, const std::string& what) {
+  const auto refusal_of = [&](const auto& read) -> std::string {
+    try {
+      read();
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.code(), io::ExitCode::kBadState) << what << ": " << error.what();
+      return error.what();
+    } catch (const std::exception& error) {
+      ADD_FAILURE() << what << ": " << error.what();
+    }
+    return "";
+  };
+  TrainState state;
+  refusal_of([&] { ReadCheckpoint(path, &state); });
+  refusal_of([&] { KindOfCheckpoint(path); });
+}
+
+TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeAreRefused) {
+  const TempDir dir;
+  const std::filesystem::path path = dir / "checkpoint.bin";
+  SceneField scene_field(
+      SceneContraction{},
+      SamplerOptions{},
+      std::make_unique<HashField>(
+          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
+          1),
+      64);
+  scene_field.background = {0.5f, 0.5f, 0.5f};
+  WriteCheckpoint(path, &scene_field, {});
+  TrainState state;
+  ASSERT_NE(ReadCheckpoint(path, &state), nullptr);
+
+  const Parts parts(ReadText(path));
+  int n_tried = 0;
+  const std::vector<Json> values = {
+      nullptr, true, -1, 0, 1, 4.5, 65, 100, 1e300, -1e300, "", "x", Json::array(), {7}, Json::object()};
+  const Json leaves = parts.header.flatten();
+  for (const auto& member : leaves.items()) {
+    // The value itself, and every object and array that holds it.
+    for (Json::json_pointer place(member.key()); !place.empty(); place = place.parent_pointer()) {
+      for (const Json& value : values) {
+        Json header = parts.header;
+        header[place] = value;
+        WriteText(path, parts.With(header));
+        ReadOrRefuse(path, place.to_string() + " = " + value.dump());
+        ++n_tried;
+      }
+    }
+  }
+  EXPECT_GT(n_tried, 500);
+}
+
+TEST(CheckpointHeader, GridsThatTheSamplerCannotWalkAreRefused) {
+  const TempDir dir;
+  const std::filesystem::path path = dir / "checkpoint.bin";
+  SceneField scene_field(
+      SceneContraction{},
+      SamplerOptions{},
+      std::make_unique<HashField>(
+          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
+          1),
+      64);
+  WriteCheckpoint(path, &scene_field, {});
+  const Parts parts(ReadText(path));
+  TrainState state;
+  for (const int resolution : {65, 100, 127}) {
+    Json header = parts.header;
+    header["grid_resolution"] = resolution;
+    WriteText(path, parts.With(header));
+    EXPECT_THROW(ReadCheckpoint(path, &state), io::Error) << resolution;
+  }
+}
+
+}  // namespace
+}  // namespace nerf
