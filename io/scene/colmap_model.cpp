@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <set>
@@ -11,6 +12,7 @@
 
 #include "io/base/error.h"
 #include "io/base/natural_order.h"
+#include "io/base/quoting.h"
 #include "io/scene/colmap_records.h"
 
 namespace io {
@@ -74,12 +76,16 @@ Camera ToCamera(const fs::path& path, const ColmapCameraRecord& record) {
   return camera;
 }
 
-// Names are joined to folders later: they must be relative, stay inside, and print on one line.
+// Within kMaxCoordinate along every axis.
+bool IsNear(const std::array<double, 3>& xyz) {
+  return std::all_of(xyz.begin(), xyz.end(), [](double x) { return std::abs(x) <= kMaxCoordinate; });
+}
+
+// Names are joined to folders and written to JSON later: relative, staying inside, one line of UTF-8.
 bool IsSafeName(const std::string& name) {
-  const bool printable =
-      std::none_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; });
+  const bool is_plain_text = name.find('\n') == std::string::npos && Printable(name) == name;
   const fs::path path(name);
-  return !name.empty() && printable && path.is_relative() &&
+  return !name.empty() && is_plain_text && path.is_relative() &&
          std::none_of(path.begin(), path.end(), [](const fs::path& part) { return part == ".."; });
 }
 
@@ -87,6 +93,7 @@ Rigid3d ToWorldFromCam(const fs::path& path, const ColmapImageRecord& record) {
   const std::string label = fmt::format("image {}", record.id);
   const auto& q = record.quaternion_wxyz;
   if (!AllFinite(q) || !AllFinite(record.translation)) Fail(path, label + " has a pose that is not finite");
+  if (!IsNear(record.translation)) Fail(path, label + " lies more than 1e9 from the origin");
   const Eigen::Quaterniond quaternion(q[0], q[1], q[2], q[3]);
   if (!(std::abs(quaternion.norm() - 1.0) < kUnitQuaternionTolerance)) {
     Fail(path, label + " has a quaternion that is not of unit length");
@@ -147,7 +154,8 @@ class ModelBuilder {
     for (const std::size_t i : order) {
       const ColmapImageRecord& record = records_.images[i];
       const std::string label = fmt::format("image {}", record.id);
-      if (!IsSafeName(record.name)) Fail(records_.images_path, label + " has an empty or unsafe name");
+      if (!IsSafeName(record.name))
+        Fail(records_.images_path, label + " has an empty or unsafe name '" + record.name + "'");
       if (!names.insert(record.name).second) {
         Fail(records_.images_path, label + ": the name '" + record.name + "' appears twice");
       }
@@ -173,6 +181,7 @@ class ModelBuilder {
       if (!AllFinite(record.xyz) || !std::isfinite(record.error_px)) {
         Fail(records_.points_path, label + " is not finite");
       }
+      if (!IsNear(record.xyz)) Fail(records_.points_path, label + " lies more than 1e9 from the origin");
       Point3D point{.xyz = {record.xyz[0], record.xyz[1], record.xyz[2]},
                     .rgb = record.rgb,
                     .error_px = std::max(0.0, record.error_px)};  // COLMAP writes -1 for unknown

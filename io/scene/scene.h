@@ -18,6 +18,9 @@
 
 namespace io {
 
+// Of cameras and points in files: double keeps 1e-7 units there, and squares stay far from overflow.
+inline constexpr double kMaxCoordinate = 1e9;
+
 // Pinhole camera with OpenCV's radial-tangential distortion. Focal lengths and principal point in pixels.
 struct Camera {
   int width = 0, height = 0;

@@ -22,7 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kMaxCoordinate = 1e9;     // double keeps 1e-7 units there
 constexpr double kRigid = 1e-3;            // max |R^T R - I|: beyond it the matrix is no rotation
 constexpr std::size_t kMaxNamedKeys = 10;  // of those that are ignored; the others are counted
 constexpr double kSinglePrecision = 1e-5;  // such noise comes from float32 and is repaired without a note

@@ -63,6 +63,10 @@ TEST(ColmapModelFaults, EachFaultIsNamed) {
       {{images, points, "points 9 times"}, [](Records* r) { r->images[0].features[0].point_id = 4711; }},
       {{images, "image 11", "feature that is not finite"},
        [](Records* r) { r->images[0].features[1].x = kNan; }},
+      {{points, "point 100", "1e9"}, [](Records* r) { r->points[0].xyz[1] = -1e300; }},
+      {{images, "image 11", "1e9"}, [](Records* r) { r->images[0].translation[2] = 1.1e9; }},
+      {{images, "image 11", "unsafe name"}, [](Records* r) { r->images[0].name = "caf\xe9.jpg"; }},
+      {{images, "image 11", "unsafe name"}, [](Records* r) { r->images[0].name = "a\xc2\x9bm.jpg"; }},
   };
   for (const auto& [names, damage] : faults) {
     const TempDir folder;
@@ -71,7 +75,7 @@ TEST(ColmapModelFaults, EachFaultIsNamed) {
     WriteBinary(records, folder.path());
     ExpectError(folder.path(), io::ExitCode::kBadState, names);
   }
-  EXPECT_EQ(faults.size(), 23u);
+  EXPECT_EQ(faults.size(), 27u);
 }
 
 TEST(ColmapModelFaults, CountsAreCheckedBeforeAllocation) {
