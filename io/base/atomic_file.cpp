@@ -41,7 +41,8 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   std::filesystem::create_directories(folder, ignored);
   const std::string name = fmt::format(".{}.{}", path.filename().string(), getpid());
   const std::filesystem::path temporary = folder / (name + kTemporaryExtension);
-  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
+  unlink(temporary.c_str());  // of a killed process with this number, or a name that leads to another file
+  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
   if (fd < 0) Fail(path, "create", bytes.size());
   std::size_t done = 0;
   bool ok = true;

@@ -28,12 +28,22 @@ bool IsMarked(const fs::path& folder) {
               "Choose another --out, or move them away");
 }
 
-// The marker is the first file of a folder, so whoever sees other files sees it too.
+bool SyncFolder(const fs::path& folder) {
+  const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool synced = fd >= 0 && fsync(fd) == 0;
+  if (fd >= 0) close(fd);
+  return synced;
+}
+
+// The marker is the first file of a folder, and durable before the next: whoever sees other files sees it
+// too.
 void Mark(const fs::path& folder) {
   const fs::path marker = folder / kFolderMarker;
   const int fd = open(marker.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
-  const bool written = fd >= 0 && write(fd, kMarkerText.data(), kMarkerText.size()) ==
-                                      static_cast<ssize_t>(kMarkerText.size());
+  const bool written =
+      fd >= 0 &&
+      write(fd, kMarkerText.data(), kMarkerText.size()) == static_cast<ssize_t>(kMarkerText.size()) &&
+      fsync(fd) == 0 && SyncFolder(folder);
   const int error = errno;
   if (fd >= 0) close(fd);
   if (!written) {
@@ -53,11 +63,10 @@ void ClaimFolder(const fs::path& folder) {
                 folder.string() + ": is not a folder and none can be created",
                 "Choose another --out");
   }
-  if (fs::is_empty(folder, error) && !error) {
-    Mark(folder);
-  } else if (!IsMarked(folder)) {
-    Refuse(folder);
-  }
+  const bool is_empty = fs::is_empty(folder, error) && !error;
+  if (!is_empty && !IsMarked(folder)) Refuse(folder);
+  // A marker without its text is that of a folder whose making was cut off.
+  if (is_empty || fs::file_size(folder / kFolderMarker, error) != kMarkerText.size()) Mark(folder);
 }
 
 void RequireOwnedFolder(const fs::path& folder) {

@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "io/base/disk_room.h"
 #include "io/base/error.h"
 #include "io/base/process.h"
 #include "io/image/image.h"
@@ -97,6 +98,13 @@ VideoReport EncodeVideo(
     fault = FaultOfVideo(partial, folder, frames);
   }
   if (!fault.empty()) {
+    try {
+      ThrowIfFull(target.parent_path());
+    } catch (...) {
+      fs::remove(partial);
+      fs::remove(log);
+      throw;
+    }
     std::string last_words = LogTail(log, 2);
     for (char& c : last_words) c = c == '\n' ? ' ' : c;
     fs::remove(partial);
@@ -141,6 +149,7 @@ VideoEncoder ProbeVideoEncoder(int width, int height, const fs::path& scratch) {
       if (!failures.empty()) encoder.decision += "; not better ones because " + failures;
       return encoder;
     } catch (const Error& error) {
+      if (error.code() == ExitCode::kNoResources) throw;
       failures += (failures.empty() ? "" : "; ") + std::string(error.what());
     }
   }

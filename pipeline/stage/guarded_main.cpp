@@ -1,9 +1,14 @@
 #include "pipeline/stage/guarded_main.h"
 
+#include <unistd.h>
+
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <new>
+#include <string_view>
+#include <system_error>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
@@ -14,6 +19,24 @@ namespace pipeline {
 using io::Error;
 using io::ExitCode;
 
+namespace {
+
+// Where a destructor finds no memory there is nobody to catch it: the process ends as a killed one would, but
+// with the code that says why.
+[[noreturn]] void EndAtOnce() {
+  try {
+    if (std::current_exception()) throw;
+  } catch (const std::bad_alloc&) {
+    constexpr std::string_view kWords = "error E6: out of memory. Use smaller pictures or fewer of them\n";
+    [[maybe_unused]] const ssize_t n = write(STDERR_FILENO, kWords.data(), kWords.size());
+    _exit(static_cast<int>(ExitCode::kNoResources));
+  } catch (...) {
+  }
+  std::abort();
+}
+
+}  // namespace
+
 int GuardedMain(const std::string& program, const std::function<void()>& body) {
   const auto report = [&](ExitCode code, const std::string& what) {
     std::fprintf(
@@ -21,6 +44,7 @@ int GuardedMain(const std::string& program, const std::function<void()>& body) {
     return static_cast<int>(code);
   };
   try {
+    std::set_terminate(EndAtOnce);
     io::InstallInterruptHandlers();
     body();
     return static_cast<int>(ExitCode::kOk);
@@ -36,6 +60,8 @@ int GuardedMain(const std::string& program, const std::function<void()>& body) {
     return report(ExitCode::kNoResources, "out of memory. Use smaller pictures or fewer of them");
   } catch (const std::filesystem::filesystem_error& error) {
     return report(ExitCode::kNoResources, error.what());
+  } catch (const std::system_error& error) {  // of threads
+    return report(ExitCode::kNoResources, std::string(error.what()) + ". Use fewer --threads");
   } catch (const std::exception& error) {
     return report(ExitCode::kInternal, std::string(error.what()) + ". Please report this as a bug");
   }

@@ -104,7 +104,10 @@ StageRun::StageRun(const std::string& stage_name,
 
   const Json record = ReadStageRecord(run_folder_, stage_name);
   up_to_date_ = !common.force && TextAt(record, "key") == key_ && ProductsIntact(final_, record);
+  io::RemoveTemporaries(run_folder_);
   if (up_to_date_) {
+    // A run that was killed right after its commit. Another one, to be resumed with other options, stays.
+    if (PartialHasKey()) RemovePartial();
     Record("done", record);
     std::fprintf(stderr, "%s: up to date\n", stage_name.c_str());
   } else {
@@ -120,15 +123,18 @@ const std::string& StageRun::InputHash(const fs::path& input) const {
 }
 
 void StageRun::OpenPartial(bool keep_partial) {
-  const bool resumable = keep_partial && fs::is_directory(partial_) && fs::is_regular_file(key_file_) &&
-                         io::ReadFile(key_file_) == key_;
-  if (!resumable) {
-    fs::remove(key_file_);  // first: a half-removed folder must not look resumable
-    io::RemoveOwnedFolder(partial_);
-  }
+  if (!keep_partial || !fs::is_directory(partial_) || !PartialHasKey()) RemovePartial();
   io::ClaimFolder(partial_);
-  io::RemoveTemporaries(run_folder_);
   io::WriteFileAtomically(key_file_, key_);
+}
+
+bool StageRun::PartialHasKey() const {
+  return fs::is_regular_file(key_file_) && io::ReadFile(key_file_) == key_;
+}
+
+void StageRun::RemovePartial() {
+  fs::remove(key_file_);  // first: a half-removed folder must not look resumable
+  io::RemoveOwnedFolder(partial_);
 }
 
 StageRun::~StageRun() {

@@ -49,6 +49,8 @@ class StageRun {
 
  private:
   void OpenPartial(bool keep_partial);
+  bool PartialHasKey() const;
+  void RemovePartial();
   void Record(const std::string& status, const nlohmann::ordered_json& record);
 
   std::string stage_name_, key_;

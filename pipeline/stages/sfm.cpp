@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "io/base/disk_room.h"
 #include "io/base/error.h"
 #include "io/base/median.h"
 #include "io/base/quoting.h"
@@ -177,8 +178,16 @@ int RunSfm(int argc, const char* const* argv) {
     if (stage.IsUpToDate()) return;
 
     const fs::path work = stage.folder() / "work";
-    const sfm::Reconstruction result = sfm::Reconstruct(
-        pictures, ingest / "images", work, settings, [&](const std::string& line) { stage.Decide(line); });
+    const sfm::Reconstruction result = [&] {
+      try {
+        return sfm::Reconstruct(pictures, ingest / "images", work, settings, [&](const std::string& line) {
+          stage.Decide(line);
+        });
+      } catch (const io::Error&) {
+        io::ThrowIfFull(work);  // which COLMAP reports as anything else
+        throw;
+      }
+    }();
     io::Scene scene = result.model.scene;
     LocateFrames(ingest / "images", settings.masks_folder, &scene);
     if (result.turntable && settings.masks_folder.empty())
