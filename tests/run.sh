@@ -1,10 +1,17 @@
 #!/bin/bash
-# Installs, builds preset dev and runs every test. The last line is ctest's summary.
+# Installs, builds presets fuzz and dev, runs the fuzz targets for a minute each and then every test. The last line is
+# ctest's summary of the tests.
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$root"
 source samples/install.sh
 install_packages "$root" tests/packages.txt
+
+status=0
+echo "fuzz: preset fuzz"
+cmake --preset fuzz
+cmake --build --preset fuzz
+ctest --preset fuzz -j2 || status=$?
 
 echo "build: preset dev"
 cmake --preset dev
@@ -13,7 +20,6 @@ cmake --build --preset dev
 export PIPELINE_ALL_PROGRAMS=1  # a test that misses a program fails
 log="$(mktemp)"
 trap 'rm -f "$log"' EXIT
-status=0
 ctest --preset dev -j2 2>&1 | tee "$log" || status=$?
 # On a failure ctest prints the names after its summary: repeat the summary as the last line.
 grep 'tests passed' "$log" | tail -1

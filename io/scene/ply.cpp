@@ -221,6 +221,8 @@ std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
     for (int c = 0; c < 3; ++c) {
       points[i].xyz[c] = values[static_cast<std::size_t>(xyz[c])];
       if (!std::isfinite(points[i].xyz[c])) Fail(path, fmt::format("point {} is not finite", i));
+      if (std::abs(points[i].xyz[c]) > kMaxCoordinate)
+        Fail(path, fmt::format("point {} lies further away than {:.0e}", i, kMaxCoordinate));
       if (rgb[c] < 0) continue;
       const double value = values[static_cast<std::size_t>(rgb[c])];
       if (!(value >= 0 && value <= 255)) Fail(path, fmt::format("point {} has a colour out of range", i));

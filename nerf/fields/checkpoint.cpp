@@ -1,9 +1,11 @@
 #include "nerf/fields/checkpoint.h"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
@@ -55,6 +57,11 @@ T Get(const std::filesystem::path& path, const Json& json, const char* key, T lo
   const auto it = json.find(key);
   if (it == json.end() || !it->is_number()) Reject(path, std::string("header lacks ") + key);
   const double value = it->get<double>();
+  constexpr double kMaxWhole = 9007199254740992;  // 2^53: doubles hold whole numbers up to here
+  const bool is_whole =
+      it->is_number_integer() || (std::floor(value) == value && std::abs(value) <= kMaxWhole);
+  if (std::is_integral_v<T> && !is_whole)
+    Reject(path, std::string("header value of ") + key + " is not a whole number");
   if (!(value >= static_cast<double>(low) && value <= static_cast<double>(high))) {
     Reject(path, std::string("header value of ") + key + " is out of range");
   }
@@ -90,7 +97,9 @@ FieldKind KindIn(const std::filesystem::path& path, const Json& header) {
 }
 
 std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, const Json& header) {
-  const Json& config = header["config"];
+  const auto it = header.find("config");
+  if (it == header.end()) Reject(path, "header lacks config");
+  const Json& config = *it;
   if (KindIn(path, header) == FieldKind::kHash) {
     return std::make_unique<HashField>(
         HashFieldOptions{.grid = {.n_levels = Get(path, config, "n_levels", 8, 8),

@@ -13,6 +13,7 @@
 #include "io/base/error.h"
 #include "io/base/hash.h"
 #include "io/base/interrupt.h"
+#include "io/base/median.h"
 #include "io/base/natural_order.h"
 #include "io/base/parallel.h"
 #include "io/image/image.h"
@@ -228,6 +229,27 @@ std::optional<sfm::NormalizeReport> PlaceScene(PoseSource* source, StageRun* sta
   return std::nullopt;
 }
 
+// Points that all lie in one place, but for a few strays, say nothing about depth: they are placeholders.
+void DropPlaceholders(io::Scene* scene, StageRun* stage) {
+  // Of the distance from the median camera: what is measured in a picture has errors a thousand times as
+  // large.
+  constexpr double kOnePlace = 1e-6, kLowest = 0.05, kHighest = 0.95;
+  if (scene->points.size() < 2 || scene->frames.empty()) return;
+  Eigen::Vector3d size, middle, centre;
+  for (int c = 0; c < 3; ++c) {
+    std::vector<double> points, cameras;
+    for (const io::Point3D& point : scene->points) points.push_back(point.xyz[c]);
+    for (const io::Frame& frame : scene->frames) cameras.push_back(frame.world_from_cam.translation[c]);
+    size[c] = io::Quantile(points, kHighest) - io::Quantile(points, kLowest);
+    middle[c] = io::Median(std::move(points));
+    centre[c] = io::Median(std::move(cameras));
+  }
+  if (size.norm() > kOnePlace * (middle - centre).norm()) return;
+  stage->Decide(
+      fmt::format("input: the {} sparse points lie in one place and are left out", scene->points.size()));
+  scene->points.clear();
+}
+
 void DecideAboutInput(const PoseSource& source, StageRun* stage) {
   for (const std::string& note : source.notes) stage->Decide("input: " + note);
   if (source.missing_images.empty()) return;
@@ -245,6 +267,7 @@ void Normalize(const CommonOptions& common, const NormalizeFlags& options, const
   if (stage.IsUpToDate()) return;
   const int threads = ResolvedThreads(common);
   DecideAboutInput(source, &stage);
+  DropPlaceholders(&source.scene, &stage);
   const std::optional<sfm::NormalizeReport> report = PlaceScene(&source, &stage);
 
   const fs::path undistorted = stage.folder() / "undistorted";

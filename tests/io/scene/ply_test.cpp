@@ -107,6 +107,7 @@ TEST_F(Ply, RefusesDamage) {
                                  head + "-1" + xyz + "1 2 3\n",
                                  head + "1" + xyz + "1 nan 3\n",
                                  head + "1" + xyz + "1 inf 3\n",
+                                 head + "1" + xyz + "1 2e9 3\n",
                                  head + "1" + xyz + "1 two 3\n",
                                  head + "1\nproperty float x\nend_header\n1\n",
                                  head + "1\nproperty list uchar int x\nend_header\n1\n",

@@ -52,7 +52,7 @@ void ReadOrRefuse(const std::filesystem::path& path, const std::string& what) {
   refusal_of([&] { KindOfCheckpoint(path); });
 }
 
-TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeAreRefused) {
+TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
   const TempDir dir;
   const std::filesystem::path path = dir / "checkpoint.bin";
   SceneField scene_field(
@@ -80,6 +80,14 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeAreRefused) {
         header[place] = value;
         WriteText(path, parts.With(header));
         ReadOrRefuse(path, place.to_string() + " = " + value.dump());
+        ++n_tried;
+      }
+      Json header = parts.header;
+      Json& parent = header[place.parent_pointer()];
+      if (parent.is_object()) {
+        parent.erase(place.back());
+        WriteText(path, parts.With(header));
+        ReadOrRefuse(path, place.to_string() + " is missing");
         ++n_tried;
       }
     }

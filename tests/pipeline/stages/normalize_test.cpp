@@ -1,5 +1,6 @@
 // `pipeline normalize` on inputs made here: a foreign capture, NeRF-synthetic splits, the sfm stage's folder,
 // a COLMAP workspace, and what must be refused.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -177,6 +178,15 @@ TEST_F(Normalize, TestPicturesThatAreTrainingPicturesTooAreReported) {
   fs::copy_file(in_ / "images/img9.png", in_ / "images/img8.png", fs::copy_options::overwrite_existing);
   ASSERT_EQ(Run({"--poses", in_.string()}), 0);
   EXPECT_EQ(warnings(), 1);
+}
+
+TEST_F(Normalize, SparsePointsInOnePlaceAreNamedAndLeftOut) {
+  io::Scene scene = WriteCapture(in_, ".png", 0);
+  for (std::size_t i = 1; i < scene.points.size(); ++i) scene.points[i].xyz = {1, 2, 3};  // all but one
+  io::WritePly(in_ / "points.ply", scene.points);
+  ASSERT_EQ(Run({"--poses", in_.string()}), 0);
+  EXPECT_TRUE(Split("train").scene.points.empty());
+  EXPECT_THAT(Record()["decisions"].dump(), testing::HasSubstr("the 200 sparse points lie in one place"));
 }
 
 TEST_F(Normalize, MissingPicturesAreNamed) {
