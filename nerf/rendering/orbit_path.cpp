@@ -23,6 +23,9 @@ constexpr double kSmoothing = 15 * kDeg;
 // Share of the way from the focus to where the nearby cameras looked: framed as they did it, without losing
 // the subject where they came close to a part of it.
 constexpr double kAimShare = 0.5;
+// Cameras count by how they frame the subject: those that came so much nearer show a part of it, and those
+// that look so far beside it something else. A quarter of the angle that a common lens sees.
+constexpr double kFramingPower = 4, kFramingAngle = 15 * kDeg;
 // Straight above the focus an upright camera has no direction to lean.
 constexpr double kMaxElevation = 80 * kDeg;
 // Half axes of the sway in standard deviations of the cameras: 0.6 of the half width of evenly filled ground,
@@ -32,6 +35,7 @@ constexpr double kSwaySigmas = 1.2;
 struct Spherical {
   double azimuth, elevation, distance;
   Vector3d aim;  // the point of the optical axis that is nearest to the focus
+  double framing;
 };
 
 // Columns: azimuth 0, azimuth 90 degrees, up.
@@ -50,11 +54,13 @@ std::vector<Spherical> AroundFocus(const std::vector<io::Rigid3d>& cameras,
   std::vector<Spherical> around;
   for (const io::Rigid3d& camera : cameras) {
     const Vector3d offset = axes.transpose() * (camera.translation - focus);
-    const Vector3d view = -camera.rotation.col(2);
+    const Vector3d view = -camera.rotation.col(2), way = focus - camera.translation;
+    const double beside = std::atan2(way.cross(view).norm(), way.dot(view)) / kFramingAngle;
     around.push_back({std::atan2(offset.y(), offset.x()),
                       std::atan2(offset.z(), std::hypot(offset.x(), offset.y())),
                       offset.norm(),
-                      camera.translation + (focus - camera.translation).dot(view) * view});
+                      camera.translation + way.dot(view) * view,
+                      std::pow(offset.norm(), kFramingPower) * std::exp(-0.5 * beside * beside)});
   }
   return around;
 }
@@ -89,7 +95,7 @@ LocalMean MeanNear(const std::vector<Spherical>& cameras, double azimuth, double
   Vector3d aim = Vector3d::Zero();
   for (const Spherical& camera : cameras) {
     const double offset = WrapAngle(camera.azimuth - azimuth) / sigma;
-    const double weight = std::exp(-0.5 * offset * offset);
+    const double weight = camera.framing * std::exp(-0.5 * offset * offset);
     weights += weight;
     elevation += weight * camera.elevation;
     elevation2 += weight * camera.elevation * camera.elevation;

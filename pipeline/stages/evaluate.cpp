@@ -40,6 +40,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   Scores scores = ScoreViews(test, stage.folder(), options);
   const io::Scene train = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
   scores.training_psnr_db = TrainingPsnr(*field, train, options.threads);
+  scores.hidden_points = HiddenPoints(*field, train, test, options.threads);
   scores.protocol = ReadSceneRecord(common.out).protocol + (scores.masked ? ", masked" : "");
   const Verdict verdict = Judge(scores);
   // Where views are not shown at all, there is nothing that a pose could be fitted to.

@@ -16,6 +16,7 @@
 #include "io/image/colour_map.h"
 #include "nerf/metrics/flip.h"
 #include "nerf/metrics/metrics.h"
+#include "nerf/rendering/hidden_points.h"
 
 namespace pipeline {
 namespace {
@@ -164,6 +165,24 @@ std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Sc
   }
   if (psnr.empty()) return std::nullopt;
   return io::Median(std::move(psnr));
+}
+
+std::optional<double> HiddenPoints(const nerf::TrainedField& field,
+                                   const io::Scene& train,
+                                   const io::Scene& test,
+                                   int threads) {
+  const std::size_t n = test.frames.size();
+  const std::size_t n_judged = std::min(n, static_cast<std::size_t>(kJudgedViews));
+  std::vector<double> shares;
+  for (std::size_t i = 0; i < n_judged; ++i) {
+    io::ThrowIfInterrupted();
+    const io::Frame& frame = test.frames[i * n / n_judged];
+    const io::Camera& camera = test.cameras[static_cast<std::size_t>(frame.camera_index)];
+    if (const auto share = nerf::HiddenPointShare(field, camera, frame.world_from_cam, train, threads))
+      shares.push_back(*share);
+  }
+  if (shares.empty()) return std::nullopt;
+  return io::Median(std::move(shares));
 }
 
 Comparison ComparisonPaths(const fs::path& folder, int rank, int n_views, const std::string& name) {

@@ -45,6 +45,14 @@ void RenderViews(const nerf::TrainedField& field,
 inline constexpr int kJudgedTrainingViews = 8;
 std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Scene& train, int threads);
 
+// Median over at most kJudgedViews evenly spread views of `test` of the share of sparse points that the field
+// hides. Nothing where the scene has too few points.
+inline constexpr int kJudgedViews = 24;
+std::optional<double> HiddenPoints(const nerf::TrainedField& field,
+                                   const io::Scene& train,
+                                   const io::Scene& test,
+                                   int threads);
+
 // The pictures of folder/compare/ that show one view: the photo, its render, and the FLIP error in magma
 // colours.
 struct Comparison {

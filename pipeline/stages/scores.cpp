@@ -81,6 +81,7 @@ void WriteScores(const Scores& scores, const fs::path& folder) {
   json["colour_aligned_psnr"] = scores.aligned_psnr_db;
   if (scores.training_psnr_db) json["training_psnr_median"] = *scores.training_psnr_db;
   if (scores.plain_psnr_db) json["one_colour_psnr_median"] = *scores.plain_psnr_db;
+  if (scores.hidden_points) json["hidden_points_median"] = *scores.hidden_points;
   WriteBudget(scores.budget, &json);
   std::string csv = "name,psnr,ssim,flip,colour_aligned_psnr\n";
   for (const ViewScore& view : scores.views) {
@@ -114,6 +115,7 @@ Scores ReadScores(const fs::path& folder) {
   scores.aligned_psnr_db = NumberAt(json, "colour_aligned_psnr");
   if (json.Has("training_psnr_median")) scores.training_psnr_db = NumberAt(json, "training_psnr_median");
   if (json.Has("one_colour_psnr_median")) scores.plain_psnr_db = NumberAt(json, "one_colour_psnr_median");
+  if (json.Has("hidden_points_median")) scores.hidden_points = NumberAt(json, "hidden_points_median");
   scores.budget = ReadBudget(json);
   const JsonReader views = json.At("images");
   for (std::size_t i = 0; i < views.Size(); ++i) {

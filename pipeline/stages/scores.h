@@ -54,6 +54,9 @@ struct Scores {
   double psnr_of_mean_mse_db = 0, aligned_psnr_db = 0;
   // Medians: of some training pictures, and of held-out pictures replaced by their own mean colour.
   std::optional<double> training_psnr_db, plain_psnr_db;
+  // Median over the views of the share of sparse points that the field hides
+  // (nerf/rendering/hidden_points.h).
+  std::optional<double> hidden_points;
   std::optional<ErrorBudget> budget;  // mean over the views that have one
 
   std::vector<int> WorstFirst() const;  // view indices by rising PSNR

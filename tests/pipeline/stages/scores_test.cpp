@@ -38,6 +38,7 @@ pipeline::Scores TwoViews() {
       .aligned_psnr_db = 77.5,
       .training_psnr_db = 78.5,
       .plain_psnr_db = 9.25,
+      .hidden_points = 0.125,
       .budget = {{.fitted_psnr_db = 77, .fitted_aligned_psnr_db = 78, .moved_px = 0.5, .sharpness = 0.75}}};
 }
 
@@ -58,6 +59,7 @@ TEST(Scores, WrittenOnesComeBack) {
   EXPECT_EQ(read.aligned_psnr_db, written.aligned_psnr_db);
   EXPECT_EQ(read.training_psnr_db, written.training_psnr_db);
   EXPECT_EQ(read.plain_psnr_db, written.plain_psnr_db);
+  EXPECT_EQ(read.hidden_points, written.hidden_points);
   EXPECT_EQ(read.budget, written.budget);
   ASSERT_EQ(read.views.size(), written.views.size());
   for (std::size_t i = 0; i < read.views.size(); ++i) {

@@ -33,6 +33,18 @@ TEST(Verdict, ViewsThatShowNineTenthsAreNoFailure) {
   EXPECT_EQ(Judge(ScoresOf({26, 27, 28}, 35, 18)).outcome, Outcome::kFailed);
 }
 
+// Few pictures leave gaps between them; surfaces in their right places are no memory of pictures.
+TEST(Verdict, SurfacesInTheirPlacesAreNoFailure) {
+  pipeline::Scores scores = ScoresOf({20, 22, 24}, 34, 15);
+  scores.hidden_points = 0.11;
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kDoubtful);
+  scores.hidden_points = 0.31;
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kFailed);
+  scores = ScoresOf({14, 14, 15}, 15, 12);  // hardly better than one colour
+  scores.hidden_points = 0;
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kFailed);
+}
+
 TEST(Verdict, PicturesOfOneColourAreNoReconstruction) {
   EXPECT_EQ(Judge(ScoresOf({14, 14, 15}, 15, 12)).outcome, Outcome::kFailed);
   EXPECT_THAT(Judge(ScoresOf({14, 14, 15}, 15, 12)).text, testing::HasSubstr("one colour (12.0 dB)"));
