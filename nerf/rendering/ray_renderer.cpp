@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/base/interrupt.h"
 #include "nerf/rendering/volume_rendering.h"
 
 namespace nerf {
@@ -238,6 +239,7 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
   const int per_task = (stratified ? kStratifiedRays : kRaysPerTask) / samples_per_pixel * samples_per_pixel;
   const int n_tasks = (static_cast<int>(rays.size()) + per_task - 1) / per_task;
   workers->Run(n_tasks, [&](int task, int thread) {
+    io::ThrowIfInterrupted();
     const std::size_t first = static_cast<std::size_t>(task) * static_cast<std::size_t>(per_task);
     const std::span<const Ray> mine =
         rays.subspan(first, std::min(static_cast<std::size_t>(per_task), rays.size() - first));

@@ -29,7 +29,7 @@ struct CameraPixel {
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
 // samples_per_pixel rays of a pixel follow one another; along the occupancy grid their first intervals are
 // staggered evenly, so that their mean sees the surface at as many depths. Rays end at the distance `end` or
-// where the scene does. Results do not depend on the number of workers.
+// where the scene does. Results do not depend on the number of workers. Throws io::Interrupted.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
                                     int samples_per_pixel,

@@ -2,6 +2,8 @@
 
 #include <cstring>
 
+#include "io/base/interrupt.h"
+
 namespace nerf {
 namespace {
 
@@ -111,6 +113,7 @@ void DifferentiatePass(const MlpShardContext& context, int pass, MlpShard* shard
   const int n_rays = static_cast<int>(shard->batch.rays.size());
   shard->loss.squared_error = shard->loss.opacity = 0;
   for (RayChunk chunk = {}; chunk.ray_end < n_rays;) {
+    io::ThrowIfInterrupted();  // all chunks of the report's settings take minutes
     chunk = NextChunk(shard->samples, context.plan, chunk.ray_end, rows);
     DifferentiateChunk(context, pass, chunk, shard);
     if (!is_last) AddImportanceDistances(context, chunk, shard);

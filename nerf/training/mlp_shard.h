@@ -31,6 +31,7 @@ struct MlpShard {
   PixelGradients pixels;
 };
 
+// Throws io::Interrupted between chunks.
 void RunMlpShard(const MlpShardContext& context, int index, MlpShard* shard);
 
 }  // namespace nerf

@@ -293,20 +293,22 @@ void Trainer::DescribeCameras() {
 
 TrainReport Trainer::Run() {
   Begin();
-  for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget(); now = clock_.Elapsed()) {
-    Step(Progress(now));
-    if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
-    now = clock_.Elapsed();
-    if (io::PendingInterrupt()) {
-      Save(now);
+  try {
+    for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget(); now = clock_.Elapsed()) {
+      Step(Progress(now));
+      if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
       io::ThrowIfInterrupted();
+      now = clock_.Elapsed();
+      MonitorWhenDue(now);
+      SaveWhenDue(now);
+      ShowProgress(now);
     }
-    MonitorWhenDue(now);
-    SaveWhenDue(now);
-    ShowProgress(now);
+    report_.train_s = clock_.Elapsed();
+    Monitor(report_.train_s);
+  } catch (const io::Interrupted&) {  // a step that was cut short has changed nothing
+    Save(clock_.Elapsed());
+    throw;
   }
-  report_.train_s = clock_.Elapsed();
-  Monitor(report_.train_s);
   Save(report_.train_s);
   FillReport();
   return report_;

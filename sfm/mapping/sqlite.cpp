@@ -45,6 +45,12 @@ bool SqliteConnection::HasTable(const std::string& name) const {
 }
 
 void SqliteConnection::Fail(const std::string& what) const {
+  const int error = sqlite3_errcode(handle_);
+  if (what.empty() && (error == SQLITE_FULL || error == SQLITE_IOERR || error == SQLITE_NOMEM)) {
+    throw io::Error(io::ExitCode::kNoResources,
+                    path_.string() + ": " + sqlite3_errmsg(handle_),
+                    "Free some disk or memory, or raise the limits that ulimit -a shows");
+  }
   throw io::Error(io::ExitCode::kBadState,
                   path_.string() + ": " + (what.empty() ? sqlite3_errmsg(handle_) : what),
                   "It is written anew by running the stage again with --force");

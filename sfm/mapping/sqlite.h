@@ -12,7 +12,7 @@ namespace sfm {
 class SqliteConnection {
  public:
   // Opens an existing file for reading and writing: read-only, SQLite could not fold a write-ahead log in.
-  // Throws io::Error kBadState, as all members do.
+  // Throws io::Error kBadState, or kNoResources where disk or memory lack, as all members do.
   explicit SqliteConnection(const std::filesystem::path& path);
   ~SqliteConnection();
   SqliteConnection(const SqliteConnection&) = delete;

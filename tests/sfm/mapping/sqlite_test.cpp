@@ -1,0 +1,36 @@
+// What SQLite reports becomes the exit code that fits.
+#include "sfm/mapping/sqlite.h"
+
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "io/base/error.h"
+#include "tests/support/temp_dir.h"
+
+namespace {
+
+TEST(Sqlite, NoRoomIsNoFaultOfTheDatabase) {
+  const TempDir dir;
+  WriteText(dir / "a.db", "");  // which SQLite takes for a database without tables
+  const pid_t child = fork();
+  if (child == 0) {
+    signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit = {100'000, 100'000};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    try {
+      const sfm::SqliteConnection database(dir / "a.db");
+      database.Execute("CREATE TABLE t (bytes BLOB)");
+      database.Execute("INSERT INTO t VALUES (zeroblob(1000000))");
+      _exit(0);
+    } catch (const io::Error& error) {
+      _exit(static_cast<int>(error.code()));
+    }
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(WEXITSTATUS(status), static_cast<int>(io::ExitCode::kNoResources));
+}
+
+}  // namespace
