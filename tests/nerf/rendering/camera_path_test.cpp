@@ -132,6 +132,21 @@ TEST(CameraPath, ArcSwingsInsideTheCoveredSide) {
   ExpectUprightTowardsFocus(path, 0.02);
 }
 
+// A third of the pictures are close-ups of a part beside the middle: the film shows the whole subject.
+TEST(CameraPath, CloseUpsDoNotDrawThePathAwayFromTheSubject) {
+  io::Scene scene = HandHeld(60, 0, 360, Vector3d::Zero());
+  for (int i = 0; i < 30; ++i) {
+    const Vector3d part = OnSphere(12 * i, 0, 0.6);
+    scene.frames.push_back({"", 0, LookAt(part + OnSphere(12 * i, 0, 0.9), part, Vector3d::UnitZ()), {}});
+    scene.frames.back().world_from_cam.rotation =
+        Eigen::AngleAxisd(0.3, Vector3d::UnitZ()) * scene.frames.back().world_from_cam.rotation;
+  }
+  const nerf::CameraPath path = nerf::FitCameraPath(scene, 60);
+  EXPECT_EQ(path.kind, PathKind::kOrbit);
+  for (const io::Rigid3d& pose : path.world_from_cam) EXPECT_GT(pose.translation.norm(), 3.6);
+  ExpectUprightTowardsFocus(path, 0.02);
+}
+
 TEST(CameraPath, CamerasOnAHemisphereKeepTheirDistance) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> azimuth(-180, 180), elevation(5, 80);

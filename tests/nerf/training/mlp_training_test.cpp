@@ -1,8 +1,14 @@
 // Training of the `nerf` field end to end on a small ball: quality with each way of sampling, threads,
 // resume, and the report's options.
+#include <signal.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 
+#include "io/base/error.h"
+#include "io/base/interrupt.h"
 #include "nerf/rendering/ray_renderer.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/heldout_monitor.h"
@@ -114,6 +120,33 @@ TEST_F(PrunedRun, ResumeContinuesBitForBit) {
   ASSERT_FALSE(report.events.empty());
   EXPECT_EQ(report.events[0], "resumed at step 213");
   ExpectSameState(straight, cut);
+}
+
+// One of the report's settings takes minutes: it is cut short, and the run goes on as if it had not begun.
+TEST(MlpTraining, AnInterruptedStepChangesNothing) {
+  testing::FLAGS_gtest_death_test_style = "threadsafe";  // a process of its own: signals stay pending
+  const TempDir dir;
+  setenv("INTERRUPTED_RUN", (dir / "interrupted").c_str(), 0);  // which that process gets to know so
+  const std::filesystem::path interrupted = getenv("INTERRUPTED_RUN"), straight = dir / "straight";
+  for (const auto& folder : {interrupted, straight}) std::filesystem::create_directories(folder);
+  const io::Scene train = SmallBall(dir.path(), 6, 0, kStratifiedFar);
+  const TrainOptions options = SmallMlp(4, 48, {.n_samples = 16});
+  const auto interrupt = [&] {
+    io::InstallInterruptHandlers();
+    raise(SIGTERM);
+    try {
+      Train(train, {}, options, interrupted);
+    } catch (const io::Interrupted&) {
+      TrainState state;
+      ReadCheckpoint(interrupted / "checkpoint.bin", &state);
+      _exit(static_cast<int>(state.step));
+    }
+    _exit(100);
+  };
+  EXPECT_EXIT(interrupt(), testing::ExitedWithCode(0), "");
+  Train(train, {}, options, straight);
+  Train(train, {}, options, interrupted);
+  ExpectSameState(straight, interrupted);
 }
 
 TEST(HashTraining, ResumeContinuesBitForBit) {
