@@ -1,5 +1,6 @@
 #include "pipeline/stage/guarded_main.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -35,6 +36,13 @@ namespace {
   std::abort();
 }
 
+// A closed standard stream would lend its number to the next file, which would then get what is printed.
+void KeepStandardStreams() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(fd, F_GETFD) == -1) open("/dev/null", O_RDWR);  // takes the lowest free number: this one
+  }
+}
+
 }  // namespace
 
 int GuardedMain(const std::string& program, const std::function<void()>& body) {
@@ -44,6 +52,7 @@ int GuardedMain(const std::string& program, const std::function<void()>& body) {
     return static_cast<int>(code);
   };
   try {
+    KeepStandardStreams();
     std::set_terminate(EndAtOnce);
     io::InstallInterruptHandlers();
     body();

@@ -289,6 +289,9 @@ TEST_F(FakeStages, DoctorNamesWhatIsHereAndWhatIsMissing) {
   EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
   for (const char* part : {"CPU ", "SIMD ", "memory ", "disk ", "GFLOP/s", "COLMAP ", "ffmpeg "})
     EXPECT_EQ(OutputLines(part), 1) << part;
+  // Without a place to print to, files must not take that place.
+  const std::string closed = (dir_ / "bin/pipeline").string() + " doctor >&- 2>&-";
+  EXPECT_EQ(io::RunProcess({"/bin/sh", "-c", closed}, {.timeout_s = 20}).exit_code, 0);
   // The kernels that run, not those that the processor could run.
   setenv("PIPELINE_SIMD", "portable", 1);
   EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
