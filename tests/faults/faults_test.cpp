@@ -1,6 +1,7 @@
 // Every stage under faults of the system (fault_shim.cpp): a call that fails ends in success or exit code 6,
 // a kill or a power cut in nothing at all; then the same command finishes with the bytes of an undisturbed
-// run, and no trace is left. A few places of each kind are tried; PIPELINE_FAULTS=all tries every one.
+// run, and no trace is left. Two places of each kind are tried; PIPELINE_FAULTS=all tries every one, and 200
+// allocations.
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>

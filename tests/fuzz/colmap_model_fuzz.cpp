@@ -1,4 +1,4 @@
-// A COLMAP model: cameras, images and points3D; binary or text, as the end of the first file says.
+// A COLMAP model: cameras, images and points3D; text where the first file begins with a comment, else binary.
 #include "io/scene/colmap_model.h"
 #include "tests/fuzz/fuzz_input.h"
 
