@@ -200,10 +200,10 @@ std::vector<Point3D> ReadPly(const std::filesystem::path& path) {
   }
   std::size_t row = 0;
   for (const Property& property : header.properties) row += SizeOf(property.type);
-  // An ASCII number takes a digit and a blank at least. Compared by division, so that no product can
-  // overflow.
-  const std::size_t least_row = header.is_ascii ? 2 * n : row;
-  if (header.points > (bytes.size() - header.size + 1) / least_row)
+  // An ASCII number takes a digit and a blank at least, but for the blank after the last one. Compared by
+  // division, so that no product can overflow.
+  const std::size_t body = bytes.size() - header.size;
+  if (header.points > (header.is_ascii ? (body + 1) / (2 * n) : body / row))
     Fail(path, fmt::format("holds fewer than the {} points it states", header.points));
 
   std::vector<Point3D> points(header.points);

@@ -74,6 +74,17 @@ TEST_F(Ply, ObserversAreKeptWhereTheyAreKnown) {
   EXPECT_THROW(ReadText(bytes), io::Error);
 }
 
+TEST_F(Ply, CutAnywhereIsRefused) {
+  std::vector<io::Point3D> points = TwoPoints();
+  for (const bool observed : {false, true}) {
+    if (observed) points[1].frame_indices = {0, 7};
+    io::WritePly(folder_ / "a.ply", points);
+    const std::string good = io::ReadFile(folder_ / "a.ply");
+    for (std::size_t size = 0; size < good.size(); ++size)
+      EXPECT_THROW(ReadText(good.substr(0, size)), io::Error) << size << " of " << good.size();
+  }
+}
+
 TEST_F(Ply, ReadsAsciiWithOtherPropertiesAndElements) {
   const auto points = ReadText(
       "ply\nformat ascii 1.0\ncomment x\nelement vertex 2\nproperty float nx\nproperty double x\n"
