@@ -285,6 +285,7 @@ TEST(Options, DurationsAndNearestNames) {
     EXPECT_ERROR(
         pipeline::ParseDuration("time", text), ExitCode::kUsage, "--time: '" + std::string(text) + "'");
   EXPECT_EQ(pipeline::NearestName("trian", {"train", "render", "sfm"}), "train");
+  EXPECT_EQ(pipeline::NearestName("tiem", {"view", "time"}), "time");  // swapped letters are one mistake
   EXPECT_EQ(pipeline::NearestName("x", {}), "");
 }
 
