@@ -131,12 +131,15 @@ std::string Text(double value) {
 }  // namespace
 
 JsonReader JsonReader::ReadDocument(const std::filesystem::path& path) {
-  const std::string bytes = ReadFile(path, kMaxBytes);
+  return ParseDocument(ReadFile(path, kMaxBytes), path.string());
+}
+
+JsonReader JsonReader::ParseDocument(const std::string& text, const std::string& name) {
   TreeBuilder builder;
-  if (!nlohmann::json::sax_parse(bytes, &builder)) {
-    throw Error(ExitCode::kBadInput, path.string() + ": " + builder.refusal, "Repair the JSON");
+  if (!nlohmann::json::sax_parse(text, &builder)) {
+    throw Error(ExitCode::kBadInput, name + ": " + builder.refusal, "Repair the JSON");
   }
-  return {std::make_shared<const std::string>(path.string()),
+  return {std::make_shared<const std::string>(name),
           std::make_shared<const JsonNode>(std::move(builder.root)),
           ""};
 }

@@ -19,6 +19,8 @@ class JsonReader {
   // Throws kBadInput with line and column. Limits: 256 MB, 64 levels, 8 million values. A byte order mark is
   // accepted.
   static JsonReader ReadDocument(const std::filesystem::path& path);
+  // The same of a text; `name` stands for the file in messages.
+  static JsonReader ParseDocument(const std::string& text, const std::string& name);
 
   // All getters but IsNull throw kBadInput naming file and JSON path.
   bool Has(const std::string& key) const;

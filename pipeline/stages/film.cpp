@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
@@ -16,6 +16,7 @@
 #include "io/image/image_size.h"
 #include "io/scene/transforms.h"
 #include "nerf/rendering/free_path.h"
+#include "pipeline/stages/camera_path_file.h"
 #include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/support_pictures.h"
 
@@ -38,8 +39,6 @@ constexpr int kTrialScale = 4;
 constexpr int kSupportFrames = 3;
 // Longer side of their pictures: two and a half stand beside one another on a wide screen.
 constexpr int kSupportSide = 480;
-// Shown where no training view has observed anything, sRGB: darker than what pictures show, not quite black.
-constexpr std::array<float, 3> kUnseenTone = {0.085f, 0.09f, 0.1f};
 
 int EvenSide(double pixels) { return std::max(kMinSide, 2 * static_cast<int>(std::lround(pixels / 2))); }
 
@@ -49,18 +48,8 @@ io::Camera EvenCamera(const io::Camera& camera, double width) {
       camera, even_width, EvenSide(static_cast<double>(even_width) / camera.width * camera.height));
 }
 
-// Depth in turbo colours between near and far, faded to black where rays leave the scene.
-io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) {
-  std::vector<float> share(view.depth.size());
-  for (std::size_t i = 0; i < share.size(); ++i) {
-    share[i] = static_cast<float>((view.depth[i] - near) / (far - near));
-  }
-  io::Image picture = io::ApplyColourMap(share, view.width, view.height, io::ColourMap::kTurbo);
-  for (std::size_t i = 0; i < picture.data.size(); ++i) {
-    const float opacity = std::clamp(view.opacity[i / 3], 0.f, 1.f);
-    picture.data[i] = static_cast<std::uint8_t>(std::lround(opacity * picture.data[i]));
-  }
-  return picture;
+io::Camera CameraOfPath(const CameraPathFile& file) {
+  return nerf::CameraOfView(file.width, file.height, file.frames.front().fov_y);
 }
 
 // Renders and writes the frames of one film.
@@ -69,10 +58,12 @@ class FilmMaker {
   FilmMaker(const nerf::TrainedField& field,
             const io::Scene& train,
             const FilmOptions& options,
+            const CameraPathFile* given_path,
             const fs::path& folder)
       : field_(field),
         train_(train),
         options_(options),
+        given_path_(given_path),
         folder_(folder),
         support_(field, train, options.threads) {
     render_options_.step_scale = 1;  // in motion the finer interval is not seen, and it would double the wait
@@ -87,6 +78,13 @@ class FilmMaker {
   bool MakeFrame(int frame, Film* film) const;
 
  private:
+  void FitPath(Film* film) const;
+  void TakePath(Film* film) const;
+  io::Camera CameraOf(const Film& film, int frame) const {
+    if (film.fov_y.empty()) return film.camera;
+    return nerf::CameraOfView(
+        film.camera.width, film.camera.height, film.fov_y[static_cast<std::size_t>(frame)]);
+  }
   fs::path FramePath(const char* kind, int frame) const { return folder_ / kind / io::VideoFrameName(frame); }
   bool IsSupportFrame(int frame, int frames) const {
     for (int k = 0; k < kSupportFrames; ++k) {
@@ -99,12 +97,24 @@ class FilmMaker {
   const nerf::TrainedField& field_;
   const io::Scene& train_;
   const FilmOptions& options_;
+  const CameraPathFile* given_path_;  // null: fitted to the capture
   const fs::path& folder_;
   const nerf::SupportMap support_;
   nerf::RenderOptions render_options_;
 };
 
-void FilmMaker::FindPath(Film* film) const {
+void FilmMaker::FindPath(Film* film) const { given_path_ ? TakePath(film) : FitPath(film); }
+
+void FilmMaker::TakePath(Film* film) const {
+  film->frames = static_cast<int>(given_path_->frames.size());
+  for (const nerf::Keyframe& view : given_path_->frames) {
+    film->path.world_from_cam.push_back(view.world_from_cam);
+    film->fov_y.push_back(view.fov_y);
+  }
+  film->decisions.push_back("camera path: as given by " + options_.path.string());
+}
+
+void FilmMaker::FitPath(Film* film) const {
   film->frames = options_.frames;
   if (film->frames == 0) {
     const int shortest = static_cast<int>(std::ceil(kMinFilm_s * options_.fps));
@@ -125,13 +135,13 @@ void FilmMaker::FindPath(Film* film) const {
 
 void FilmMaker::ChooseSize(Film* film) const {
   const io::Camera& trained = train_.cameras.at(static_cast<std::size_t>(train_.frames.at(0).camera_index));
-  film->camera = FilmCamera(train_, options_.width, options_.photo_side);
+  const io::Camera largest = film->camera;
   if (options_.width > 0) return;
   if (const fs::path first = FramePath("frames", 0); fs::is_regular_file(first)) {
-    film->camera = EvenCamera(trained, io::ReadImageSize(first).width);
+    film->camera = EvenCamera(largest, io::ReadImageSize(first).width);
     return;
   }
-  const io::Camera trial = EvenCamera(trained, static_cast<double>(film->camera.width) / kTrialScale);
+  const io::Camera trial = EvenCamera(largest, static_cast<double>(film->camera.width) / kTrialScale);
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < kTrialFrames; ++k) {
     const auto pose = static_cast<std::size_t>((2 * k + 1) * film->frames / (2 * kTrialFrames));
@@ -143,7 +153,7 @@ void FilmMaker::ChooseSize(Film* film) const {
   if (expected_s <= options_.ceiling_s) return;
   const int wanted = film->camera.width;
   const double width = wanted * std::sqrt(options_.ceiling_s / expected_s);
-  film->camera = EvenCamera(trained, std::min<double>(wanted, std::max<double>(width, trained.width)));
+  film->camera = EvenCamera(largest, std::min<double>(wanted, std::max<double>(width, trained.width)));
   film->decisions.push_back(
       fmt::format("film {} wide instead of {}, whose frames would take {:.0f} s; the ceiling is {:.0f} s",
                   film->camera.width,
@@ -154,10 +164,13 @@ void FilmMaker::ChooseSize(Film* film) const {
 
 void FilmMaker::WritePath(const Film& film) const {
   io::Scene scene;
-  scene.cameras = {film.camera};
+  const int n_cameras = film.fov_y.empty() ? 1 : film.frames;
+  for (int i = 0; i < n_cameras; ++i) scene.cameras.push_back(CameraOf(film, i));
   for (int i = 0; i < film.frames; ++i)
-    scene.frames.push_back(
-        {FramePath("frames", i), 0, film.path.world_from_cam[static_cast<std::size_t>(i)], {}});
+    scene.frames.push_back({FramePath("frames", i),
+                            film.fov_y.empty() ? 0 : i,
+                            film.path.world_from_cam[static_cast<std::size_t>(i)],
+                            {}});
   io::WriteTransforms(folder_ / "camera_path.json", scene, "");
 }
 
@@ -183,13 +196,14 @@ bool FilmMaker::MakeFrame(int frame, Film* film) const {
     return false;
   const auto start = std::chrono::steady_clock::now();
   const io::Rigid3d& pose = film->path.world_from_cam[static_cast<std::size_t>(frame)];
-  nerf::RenderedView view = field_.Render(film->camera, pose, render_options_);
+  const io::Camera camera = CameraOf(*film, frame);
+  nerf::RenderedView view = field_.Render(camera, pose, render_options_);
   const bool unknown = field_.HasUnknownSpace();
   nerf::ViewSupport support;
   if (options_.support || shows_support) {
-    support = support_.Of(film->camera, pose, view, options_.threads);
+    support = support_.Of(camera, pose, view, options_.threads);
   } else if (unknown) {
-    support = support_.ObservedIn(film->camera, pose, view, options_.threads);
+    support = support_.ObservedIn(camera, pose, view, options_.threads);
   }
   if (unknown) nerf::VeilUnobserved(support, kUnseenTone, &view);
   film->ms_per_frame += 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
@@ -205,6 +219,19 @@ bool FilmMaker::MakeFrame(int frame, Film* film) const {
 }
 
 }  // namespace
+
+io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) {
+  std::vector<float> share(view.depth.size());
+  for (std::size_t i = 0; i < share.size(); ++i) {
+    share[i] = static_cast<float>((view.depth[i] - near) / (far - near));
+  }
+  io::Image picture = io::ApplyColourMap(share, view.width, view.height, io::ColourMap::kTurbo);
+  for (std::size_t i = 0; i < picture.data.size(); ++i) {
+    const float opacity = std::clamp(view.opacity[i / 3], 0.f, 1.f);
+    picture.data[i] = static_cast<std::uint8_t>(std::lround(opacity * picture.data[i]));
+  }
+  return picture;
+}
 
 io::Camera FilmCamera(const io::Scene& train, int width, int photo_side) {
   const io::Camera& camera = train.cameras.at(static_cast<std::size_t>(train.frames.at(0).camera_index));
@@ -224,9 +251,14 @@ Film RenderFilm(const nerf::TrainedField& field,
                 const FilmOptions& options,
                 const fs::path& folder) {
   Film film;
-  const io::Camera largest = FilmCamera(train, options.width, options.photo_side);
-  const io::VideoEncoder encoder = io::ProbeVideoEncoder(largest.width, largest.height, folder);
-  const FilmMaker maker(field, train, options, folder);
+  std::optional<CameraPathFile> given_path;
+  if (!options.path.empty()) given_path = ReadCameraPath(options.path);
+  film.fps = given_path ? given_path->fps : options.fps;
+  film.camera = given_path
+                    ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
+                    : FilmCamera(train, options.width, options.photo_side);
+  const io::VideoEncoder encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
+  const FilmMaker maker(field, train, options, given_path ? &*given_path : nullptr, folder);
   maker.FindPath(&film);
   maker.ChooseSize(&film);
   film.decisions.push_back(encoder.decision);
@@ -244,7 +276,7 @@ Film RenderFilm(const nerf::TrainedField& field,
         fmt::format("{} frames were on disk already and were kept", film.frames - film.rendered));
   }
   const auto encode = [&](const char* frames, const char* name) {
-    film.videos.push_back(io::EncodeVideo(encoder, folder / frames, film.frames, options.fps, folder / name));
+    film.videos.push_back(io::EncodeVideo(encoder, folder / frames, film.frames, film.fps, folder / name));
   };
   encode("frames", "novel_view.mp4");
   if (options.depth) encode("depth_frames", "depth.mp4");

@@ -2,10 +2,12 @@
 // and encoded.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "io/image/image.h"
 #include "io/scene/scene.h"
 #include "io/video/video_writer.h"
 #include "nerf/rendering/camera_path.h"
@@ -23,18 +25,27 @@ struct FilmOptions {
   bool support = false;    // also support.mp4: number of training views that saw what a pixel shows
   int pixel_rays = 0;      // see nerf::RenderOptions
   int threads = 1;
+  std::filesystem::path path;  // camera_path_file.h; empty: fitted to the capture
   int photo_side = 0;  // longer side of the photos before they were made smaller for training; 0: unknown
 };
 
 struct Film {
   io::Camera camera;
   nerf::CameraPath path;
+  std::vector<double> fov_y;  // of each frame, when the path was given [radians]; else empty
+  double fps = 0;
   int frames = 0;           // of the film
   int rendered = 0;         // of these, rendered now; the others were on disk already
   double ms_per_frame = 0;  // of those
   std::vector<io::VideoReport> videos;
   std::vector<std::string> decisions;
 };
+
+// Shown where no training view has observed anything, sRGB: darker than what pictures show, not quite black.
+inline constexpr std::array<float, 3> kUnseenTone = {0.085f, 0.09f, 0.1f};
+
+// Depth in turbo colours between near and far, faded to black where rays leave the scene.
+io::Image DepthPicture(const nerf::RenderedView& view, double near, double far);
 
 // Longer side of the default film.
 inline constexpr int kFilmSide = 1280;
@@ -46,11 +57,12 @@ io::Camera FilmCamera(const io::Scene& train, int width, int photo_side);
 // Frames of a film along `path` for FilmOptions::frames = 0.
 int DefaultFrames(const nerf::CameraPath& path, double fps);
 
-// Writes folder/novel_view.mp4 and folder/frames/000001.png ..., camera_path.json with the poses of the
-// frames as a transforms.json, maps of the support of some frames in support/ (support_pictures.h), and
-// depth.mp4, depth_frames/, support.mp4, support_frames/ on request. The encoder is tried before the first
-// frame is rendered; frames that are on disk already are kept, so an interrupted or failed run continues
-// where it stopped. Throws kMissingTool when no film can be encoded.
+// With options.path, its poses, angles of view, size and speed count as given; --size and the ceiling may
+// make it smaller. Otherwise the path is fitted. Writes folder/novel_view.mp4 and folder/frames/000001.png
+// ..., camera_path.json with the poses of the frames as a transforms.json, maps of the support of some frames
+// in support/ (support_pictures.h), and depth.mp4, depth_frames/, support.mp4, support_frames/ on request.
+// The encoder is tried before the first frame is rendered; frames that are on disk already are kept, so an
+// interrupted or failed run continues where it stopped. Throws kMissingTool when no film can be encoded.
 Film RenderFilm(const nerf::TrainedField& field,
                 const io::Scene& train,
                 const FilmOptions& options,

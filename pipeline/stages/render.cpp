@@ -29,7 +29,9 @@ int PhotoSide(const fs::path& sfm_transforms) {
 void Render(const CommonOptions& common, FilmOptions options, const Options& bound) {
   const fs::path transforms = common.out / "scene/transforms_train.json";
   const fs::path checkpoint = common.out / "train/checkpoint.bin";
-  StageRun stage("render", common, bound, {transforms, checkpoint}, true);
+  std::vector<fs::path> inputs = {transforms, checkpoint};
+  if (!options.path.empty()) inputs.push_back(options.path);
+  StageRun stage("render", common, bound, inputs, true);
   RequireTrainedOnThisScene(stage, checkpoint);
   if (stage.IsUpToDate()) return;
   options.photo_side = PhotoSide(common.out / "sfm/transforms.json");
@@ -39,7 +41,7 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   for (const std::string& decision : film.decisions) stage.Decide(decision);
   for (const io::VideoReport& video : film.videos) stage.AddChildUse(video.cpu_s, video.peak_rss_bytes);
   stage.Set("frames", film.frames);
-  stage.Set("fps", options.fps);
+  stage.Set("fps", film.fps);
   stage.Set("width", film.camera.width);
   stage.Set("height", film.camera.height);
   if (film.rendered > 0) stage.Set("ms_per_frame", film.ms_per_frame);

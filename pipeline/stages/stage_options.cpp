@@ -66,6 +66,10 @@ void AddRenderOptions(Options* options, FilmFlags* flags) {
                &render->frames,
                "frames of the film, at least 2; 0 = 6 seconds, up to 12 for a long walk",
                {.min = 0, .max = 216000, .check = RefuseOneFrame});
+  options->Add("path",
+               &render->path,
+               "camera_path.json of `pipeline view` or nerfstudio, in the coordinates of OUT/scene; it then "
+               "decides frames, fps and shape");
   options->Add("fps", &render->fps, "frames per second of the film", {.min = 1, .max = 240});
   options->Add("size",
                &render->width,

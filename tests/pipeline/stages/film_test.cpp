@@ -14,6 +14,8 @@
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "io/scene/transforms.h"
+#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/stages/evaluation.h"
 #include "pipeline/stages/support_pictures.h"
 #include "tests/support/require_program.h"
 #include "tests/support/sphere_field.h"
@@ -67,6 +69,28 @@ TEST_F(FilmTest, RaysPerPixelReachTheField) {
   const SphereField field;
   pipeline::RenderFilm(field, scene_, options_, folder_);
   EXPECT_EQ(field.last_options.samples_per_pixel, 9);
+}
+
+TEST_F(FilmTest, AGivenPathIsFilmedAsItIs) {
+  pipeline::CameraPathFile file{.width = 64, .height = 48, .fps = 20};
+  for (const double fov : {0.5, 0.7, 0.9}) file.frames.push_back({scene_.frames[3].world_from_cam, fov});
+  options_.path = folder_ / "path.json";
+  pipeline::WriteCameraPath(options_.path, file);
+  const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+  EXPECT_EQ(film.frames, 3);
+  EXPECT_EQ(film.fps, 20);
+  EXPECT_EQ(film.camera.width, 64);
+  EXPECT_EQ(film.camera.height, 48);
+  EXPECT_EQ(CountFrames(folder_ / "novel_view.mp4"), 3);
+  const io::Image last = io::ReadImage(folder_ / "frames/000003.png");
+  const nerf::RenderedView expected =
+      SphereField().Render(nerf::CameraOfView(64, 48, 0.9), scene_.frames[3].world_from_cam, {});
+  EXPECT_EQ(last.data, pipeline::QuantizeView(expected).data);
+  const io::Scene written = io::ReadTransforms(folder_ / "camera_path.json").scene;
+  ASSERT_EQ(written.frames.size(), 3u);
+  EXPECT_NEAR(written.cameras.at(static_cast<std::size_t>(written.frames[2].camera_index)).fl_y,
+              24 / std::tan(0.45),
+              1e-6);
 }
 
 TEST_F(FilmTest, WidthScalesTheCamera) {

@@ -1,0 +1,38 @@
+// camera_path.json of nerfstudio's viewer: keyframes, and the cameras of every frame of the film.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "nerf/rendering/keyframe_path.h"
+
+namespace pipeline {
+
+struct CameraPathFile {
+  std::vector<nerf::Keyframe> keyframes;  // may be empty: then nobody can edit the path
+  std::vector<nerf::Keyframe> frames;     // poses in the coordinates of scene/transforms_train.json
+  int width = 0, height = 0;              // of the film [px]
+  double fps = 30;
+  bool is_loop = false;
+};
+
+// A file without frames gets them from its keyframes, as many as "seconds" and "fps" say. Throws kBadInput
+// naming the file and the place: fewer than 2 frames, more than kMaxPathFrames, a pose that is not rigid, an
+// angle of view or a size out of range, a crop box, another camera than a perspective one.
+CameraPathFile ReadCameraPath(const std::filesystem::path& path);
+// The same of a text; `name` stands for it in messages.
+CameraPathFile ParseCameraPath(const std::string& text, const std::string& name);
+
+void WriteCameraPath(const std::filesystem::path& path, const CameraPathFile& file);
+
+inline constexpr int kMaxPathFrames = 216000;           // an hour at 60 frames per second
+inline constexpr int kMaxPathSide = 7680;               // 8K
+inline constexpr double kMinFov = 0.02, kMaxFov = 2.8;  // radians: 1 to 160 degrees
+
+// Throws kBadInput with `where`, unless the matrix [4][4] or [3][4], by rows, is a rigid transform.
+io::Rigid3d PoseFromRows(const std::vector<double>& matrix, const std::string& where);
+// [4][4] by rows.
+std::vector<double> RowsOf(const io::Rigid3d& pose);
+
+}  // namespace pipeline
