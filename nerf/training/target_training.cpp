@@ -59,7 +59,7 @@ TrainReport TrainToTarget(const io::Scene& scene,
                     report.train_s,
                     options.target_psnr,
                     reached ? " reached" : ""));
-    if (reached || report.budget_s >= options.time_s) {
+    if (reached || report.ended_early || report.budget_s >= options.time_s) {
       report.train_s = spent_s;
       report.steps = steps;
       report.events = std::move(events);

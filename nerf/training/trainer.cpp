@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "io/base/check.h"
@@ -32,6 +31,8 @@ constexpr double kTargetMonitorGrowth = 1.1;  // (where they decide when to stop
 constexpr double kFirstMonitorS = 1.0;        // ... from one second of training on
 constexpr double kMonitorShare = 0.2;         // and take at most this share of the training time
 constexpr double kProgressEveryS = 0.5;
+constexpr double kWatchedShare = 0.05;  // of the training time that a watcher's checkpoints take at most
+constexpr double kWatchedEveryS = 4;    // and not more often, since reading them costs as well
 
 double Db(double squared_error) { return -10 * std::log10(std::max(squared_error, 1e-12)); }
 
@@ -78,6 +79,7 @@ class Trainer {
   void MonitorWhenDue(double now);
   void SaveWhenDue(double now);
   void ShowProgress(double now);
+  void AskWatcher(double now);
   void FillReport();
   void DescribeCameras();
 
@@ -101,6 +103,7 @@ class Trainer {
   std::uint64_t n_samples_ = 0, n_rays_ = 0;
   double flop_ = 0;
   double next_monitor_s_ = 0, next_save_s_ = 0;
+  double next_watched_save_s_ = 0;
   std::optional<io::Progress> bar_;
   double shown_s_ = 0;            // when progress was last shown ...
   std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
@@ -239,8 +242,27 @@ void Trainer::SaveWhenDue(double now) {
   next_save_s_ = now + options_.checkpoint_every_s;
 }
 
+void Trainer::AskWatcher(double now) {
+  if (!options_.watcher) return;
+  const double progress = Progress(now);
+  const WatcherWish wish = options_.watcher({.step = state_.step,
+                                             .progress = progress,
+                                             .elapsed_s = now,
+                                             .left_s = now * (1 - progress) / progress,
+                                             .train_psnr = Db(state_.squared_error),
+                                             .heldout_psnr = report_.heldout_psnr});
+  if (wish.wants_end) {
+    report_.ended_early = true;
+    report_.events.push_back(fmt::format("ended at {:.0f} % by request of a viewer", 100 * progress));
+  } else if (wish.wants_checkpoint && now >= next_watched_save_s_) {
+    const double cost_s = clock_.Exclude([&] { Save(now); });
+    next_watched_save_s_ = now + std::max(kWatchedEveryS, cost_s / kWatchedShare);
+  }
+}
+
 void Trainer::ShowProgress(double now) {
   if (now - shown_s_ <= kProgressEveryS) return;
+  AskWatcher(now);
   const double rays_per_s = static_cast<double>(n_rays_ - shown_rays_) / (now - shown_s_);
   shown_s_ = now;
   shown_rays_ = n_rays_;
@@ -294,7 +316,8 @@ void Trainer::DescribeCameras() {
 TrainReport Trainer::Run() {
   Begin();
   try {
-    for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget(); now = clock_.Elapsed()) {
+    for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget() && !report_.ended_early;
+         now = clock_.Elapsed()) {
       Step(Progress(now));
       if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
       io::ThrowIfInterrupted();
@@ -315,20 +338,6 @@ TrainReport Trainer::Run() {
 }
 
 }  // namespace
-
-TrainingSchedule ScheduleOf(const TrainOptions& options, bool has_alpha) {
-  // What a thread of a processor with AVX-512 does; it only decides between a few capacities.
-  constexpr double kSamplesPerThreadSecond = 1.5e6;
-  TrainingSchedule schedule =
-      options.schedule
-          ? *options.schedule
-          : ScheduleFor(options.steps > 0 ? 1.0 * options.steps * options.samples_per_step
-                                          : options.time_s * options.threads * kSamplesPerThreadSecond);
-  if (!has_alpha) schedule.samples_per_pixel_from = 1;
-  if (options.learning_rate > 0) schedule.learning_rate = options.learning_rate;
-  if (options.field.log2_hashmap_size > 0) schedule.log2_hashmap_size = options.field.log2_hashmap_size;
-  return schedule;
-}
 
 TrainReport Train(const io::Scene& scene,
                   const io::Scene& heldout,

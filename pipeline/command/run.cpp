@@ -3,10 +3,13 @@
 // failure.
 #include <signal.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
@@ -47,6 +50,7 @@ struct RunOptions {
   NormalizeFlags normalize;
   TrainFlags train;
   FilmFlags render;
+  bool view = false;
 };
 
 struct Forward {
@@ -80,6 +84,10 @@ void AddRunOptions(Options* options, RunOptions* run) {
   options->AddPositional(
       "INPUT", &run->input, "folder of pictures, quoted glob, video, transforms.json or COLMAP model", true);
   options->Add("out", &run->common.out, "run folder; default: <INPUT>.run", {.affects_result = false});
+  options->Add("view",
+               &run->view,
+               "open a page to look around in what is there so far (`pipeline view`), until Ctrl-C",
+               {.affects_result = false});
   for (const Forward& forward : kForwards)
     options->AddFrom(stages.at(forward.stage), forward.stage_option, forward.option, forward.stage);
 }
@@ -129,6 +137,36 @@ int RunStage(const std::string& stage, const fs::path& out, const std::vector<st
     throw Error(ExitCode::kInternal, stage + " ended without its record", "Please report this as a bug");
   return 0;
 }
+
+// `pipeline view` beside the stages.
+class ViewBeside {
+ public:
+  explicit ViewBeside(const fs::path& out)
+      : thread_([this, argv = std::vector<std::string>{ProgramOf("view").string(), out.string()}] {
+          try {
+            io::RunProcess(argv, {.on_tick = [this] { ThrowIfEnded(); }});
+          } catch (const std::exception&) {  // its end is not that of the run; it has said why
+          }
+          has_ended_ = true;
+        }) {}
+  ~ViewBeside() {
+    end_ = true;
+    thread_.join();
+  }
+  // Until Ctrl-C or until the page's program ends.
+  void Wait() const {
+    while (!has_ended_ && io::PendingInterrupt() == 0)
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+
+ private:
+  void ThrowIfEnded() const {
+    if (end_) throw Error(ExitCode::kInternal, "the run ended");
+  }
+
+  std::atomic<bool> end_ = false, has_ended_ = false;
+  std::thread thread_;
+};
 
 void PrintResults(const fs::path& out, const std::vector<std::string>& stages, double wall_s) {
   double total_s = 0;
@@ -183,11 +221,14 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
   RecordRun(out,
             {{"input", input.path.string()}, {"options", options.ResolvedJson()}, {"commands", commands}});
 
+  std::optional<ViewBeside> view;
+  if (run.view) view.emplace(out);
   for (const std::string& stage : stages) {
     const int exit_code = RunStage(stage, out, StageArguments(stage, input, out, options));
     if (exit_code != 0) return exit_code;
   }
   PrintResults(out, stages, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  if (view) view->Wait();
   const Verdict verdict = Judge(ReadScores(out / "evaluate"));
   if (verdict.outcome == Outcome::kFailed) {
     throw Error(ExitCode::kNotReconstructed,

@@ -16,6 +16,7 @@
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/train_options.h"
 #include "pipeline/stages/train_preset.h"
+#include "pipeline/stages/training_watch.h"
 
 namespace pipeline {
 namespace {
@@ -62,6 +63,7 @@ void TrainStage(int argc, const char* const* argv) {
   if (run.IsUpToDate()) return;
   io::Scene scene = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
   const io::Scene monitored = MonitoredScene(scene_folder, train.target_psnr > 0, &scene, &run);
+  train.watcher = WatcherOf(common.out);
   const auto train_field = train.target_psnr > 0 ? nerf::TrainToTarget : nerf::Train;
   const nerf::TrainReport report = train_field(scene, monitored, train, run.folder());
   WriteMovedCameras(run.folder() / "cameras.json", report.moved_cameras);

@@ -39,6 +39,32 @@ TrainOptions SmallOptions(int steps) {
   return options;
 }
 
+TEST(Trainer, AWatcherGetsNewsAndCheckpointsAndMayEndIt) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 8, 0);
+  TrainOptions options = SmallOptions(0);
+  options.steps = 0;
+  options.time_s = 600;
+  std::vector<TrainingNews> news;
+  bool had_checkpoint = false;
+  options.watcher = [&](const TrainingNews& told) -> WatcherWish {
+    news.push_back(told);
+    had_checkpoint |= std::filesystem::exists(dir.path() / "checkpoint.bin");
+    return {.wants_checkpoint = true, .wants_end = had_checkpoint && news.size() > 2};
+  };
+  const TrainReport report = Train(train, {}, options, dir.path());
+  EXPECT_TRUE(report.ended_early);
+  EXPECT_LT(report.train_s, 300);
+  ASSERT_GT(news.size(), 2u);
+  EXPECT_GT(news.back().step, news.front().step);
+  EXPECT_GT(news.back().progress, 0);
+  EXPECT_LT(news.back().progress, 0.5);
+  EXPECT_NEAR(news.back().left_s + news.back().elapsed_s, 600, 1e-6);
+  TrainState state;
+  ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
+  EXPECT_EQ(state.step, report.steps);
+}
+
 // With alpha, and on paper of one colour, which must not become a thing in space.
 TEST(Trainer, LearnsABallAndNothingAroundIt) {
   for (const Behind behind : {Behind::kNothing, Behind::kPaper}) {

@@ -1,0 +1,160 @@
+#include "pipeline/view/frame_maker.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <thread>
+
+#include "io/base/interrupt.h"
+#include "io/base/resource_meter.h"
+#include "io/base/stopwatch.h"
+#include "io/image/colour_map.h"
+#include "io/image/image.h"
+#include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/film.h"
+#include "pipeline/stages/support_pictures.h"
+
+namespace pipeline {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Pixels between two looks at whether the picture is still wanted: some 50 ms of one core.
+constexpr int kBandPixels = 1 << 14;
+constexpr auto kTurnStep = std::chrono::milliseconds(5);
+
+double Now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+
+nerf::RenderOptions OptionsOf(const FrameRequest& request, int threads) {
+  nerf::RenderOptions options;
+  options.threads = threads;
+  if (request.quality != ViewQuality::kFinest) options.step_scale = 1;
+  if (request.quality == ViewQuality::kFast) options.samples_per_pixel = 1;
+  return options;
+}
+
+// Rows [begin, end) of the camera's picture.
+io::Camera Band(io::Camera camera, int begin, int end) {
+  camera.height = end - begin;
+  camera.cy -= begin;
+  return camera;
+}
+
+void Append(const nerf::RenderedView& band, nerf::RenderedView* view) {
+  view->width = band.width;
+  view->height += band.height;
+  view->rgb.insert(view->rgb.end(), band.rgb.begin(), band.rgb.end());
+  view->depth.insert(view->depth.end(), band.depth.begin(), band.depth.end());
+  view->opacity.insert(view->opacity.end(), band.opacity.begin(), band.opacity.end());
+}
+
+// What the layer shows of a rendered view.
+io::Image Picture(const FrameRequest& request,
+                  const LiveRun::Content& content,
+                  nerf::RenderedView* view,
+                  int threads) {
+  if (request.layer == ViewLayer::kDepth) return DepthPicture(*view, content.scene->near, content.scene->far);
+  if (!content.support || !content.field) return QuantizeView(*view);
+  if (request.layer == ViewLayer::kSupport) {
+    const auto support = content.support->Of(request.camera, request.world_from_cam, *view, threads);
+    return ViewCountPicture(
+        support, static_cast<int>(content.scene->frames.size()), view->width, view->height);
+  }
+  // As the film has it; while a hand moves there is no time for it.
+  if (request.quality != ViewQuality::kFast && content.field->HasUnknownSpace()) {
+    const auto support = content.support->ObservedIn(request.camera, request.world_from_cam, *view, threads);
+    nerf::VeilUnobserved(support, kUnseenTone, view);
+  }
+  return QuantizeView(*view);
+}
+
+}  // namespace
+
+nerf::RenderedView RenderPoints(const std::vector<io::Point3D>& points,
+                                const io::Camera& camera,
+                                const io::Rigid3d& world_from_cam) {
+  nerf::RenderedView view{.width = camera.width, .height = camera.height};
+  const std::size_t n = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  view.rgb.resize(3 * n);
+  for (std::size_t i = 0; i < view.rgb.size(); ++i) view.rgb[i] = kUnseenTone[i % 3];
+  view.depth.assign(n, std::numeric_limits<float>::infinity());
+  view.opacity.assign(n, 0);
+  const int side = std::max(1, camera.height / 250);  // a point's, [px]
+  const io::Rigid3d cam_from_world = world_from_cam.Inverse();
+  for (const io::Point3D& point : points) {
+    const Eigen::Vector3d x = cam_from_world * point.xyz;
+    const auto xy = io::ImgFromCam(camera, x);
+    if (!xy || !(xy->cwiseAbs().maxCoeff() < 1e6)) continue;
+    const int left = static_cast<int>(std::floor(xy->x())) - side / 2,
+              top = static_cast<int>(std::floor(xy->y())) - side / 2;
+    const float depth = static_cast<float>(x.norm());
+    for (int v = std::max(0, top); v < std::min(camera.height, top + side); ++v) {
+      for (int u = std::max(0, left); u < std::min(camera.width, left + side); ++u) {
+        const auto pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width) +
+                           static_cast<std::size_t>(u);
+        if (depth >= view.depth[pixel]) continue;
+        view.depth[pixel] = depth;
+        view.opacity[pixel] = 1;
+        for (std::size_t c = 0; c < 3; ++c)
+          view.rgb[3 * pixel + c] = static_cast<float>(point.rgb[c]) / 255.f;
+      }
+    }
+  }
+  for (float& depth : view.depth) depth = std::isfinite(depth) ? depth : 0;
+  return view;
+}
+
+void FrameMaker::NoteRequest(const FrameRequest& request) {
+  // Pages that were closed long ago need no entry.
+  constexpr std::size_t kMostViewers = 1000;
+  const std::lock_guard lock(latest_mutex_);
+  if (latest_.size() > kMostViewers) latest_.clear();
+  std::uint64_t& latest = latest_[request.viewer];
+  latest = std::max(latest, request.sequence);
+}
+
+bool FrameMaker::IsWanted(const FrameRequest& request) const {
+  io::ThrowIfInterrupted();
+  const std::lock_guard lock(latest_mutex_);
+  const auto latest = latest_.find(request.viewer);
+  return latest == latest_.end() || latest->second <= request.sequence;
+}
+
+nerf::RenderedView FrameMaker::Render(const FrameRequest& request,
+                                      const LiveRun::Content& content,
+                                      int threads) {
+  if (!content.field) return RenderPoints(content.scene->points, request.camera, request.world_from_cam);
+  return content.field->Render(request.camera, request.world_from_cam, OptionsOf(request, threads));
+}
+
+std::optional<nerf::RenderedView> FrameMaker::RenderBand(const FrameRequest& band,
+                                                         const LiveRun::Content& content) {
+  const std::lock_guard lock(render_mutex_);
+  while (IsWanted(band) && Now_s() < not_before_s_) std::this_thread::sleep_for(kTurnStep);
+  if (!IsWanted(band)) return std::nullopt;
+  const double begin_s = Now_s(), cpu_begin_s = io::ProcessCpuSeconds();
+  nerf::RenderedView view = Render(band, content, threads_);
+  if (content.is_training)
+    not_before_s_ = begin_s + (io::ProcessCpuSeconds() - cpu_begin_s) / (training_share_ * threads_);
+  return view;
+}
+
+std::optional<ViewFrame> FrameMaker::Make(const FrameRequest& request, const LiveRun::Content& content) {
+  if (!content.scene) return std::nullopt;
+  NoteRequest(request);
+  const io::Stopwatch stopwatch;
+  nerf::RenderedView view;
+  const int rows = content.field ? std::max(1, kBandPixels / request.camera.width) : request.camera.height;
+  for (int begin = 0; begin < request.camera.height; begin += rows) {
+    FrameRequest band = request;
+    band.camera = Band(request.camera, begin, std::min(request.camera.height, begin + rows));
+    const std::optional<nerf::RenderedView> part = RenderBand(band, content);
+    if (!part) return std::nullopt;
+    Append(*part, &view);
+  }
+  return ViewFrame{.jpeg = io::EncodeImage(Picture(request, content, &view, threads_), ".jpg"),
+                   .render_ms = 1000 * stopwatch.seconds()};
+}
+
+}  // namespace pipeline

@@ -1,0 +1,113 @@
+// Frames: as the field renders them, given up when they are no longer wanted, and the stand-in of points.
+#include "pipeline/view/frame_maker.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "nerf/rendering/keyframe_path.h"
+#include "pipeline/stages/evaluation.h"
+#include "tests/support/sphere_field.h"
+
+namespace pipeline {
+namespace {
+
+LiveRun::Content SphereContent() {
+  LiveRun::Content content;
+  content.scene = std::make_shared<io::Scene>(tests::RingScene(6, 40, 30, [](int) { return "unused.png"; }));
+  content.field = std::make_shared<tests::SphereField>();
+  return content;
+}
+
+FrameRequest RequestOf(const LiveRun::Content& content, int width, int height) {
+  return {.viewer = "a",
+          .sequence = 1,
+          .camera = nerf::CameraOfView(width, height, 0.8),
+          .world_from_cam = content.scene->frames[0].world_from_cam,
+          .quality = ViewQuality::kFinest};
+}
+
+// A field that tells when it is rendered and waits until it may go on.
+class SlowField : public tests::SphereField {
+ public:
+  nerf::RenderedView Render(const io::Camera& camera,
+                            const io::Rigid3d& pose,
+                            const nerf::RenderOptions& options) const override {
+    rendering = true;
+    while (!may_go_on) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return SphereField::Render(camera, pose, options);
+  }
+  mutable std::atomic<bool> rendering = false, may_go_on = false;
+};
+
+TEST(FrameMaker, BandsMakeUpTheWholePicture) {
+  const LiveRun::Content content = SphereContent();
+  const FrameRequest request = RequestOf(content, 300, 200);  // four bands
+  const nerf::RenderedView whole = FrameMaker::Render(request, content, 1);
+  const auto n_before = static_cast<const tests::SphereField&>(*content.field).n_renders;
+  const auto frame = FrameMaker(1, 0.2).Make(request, content);
+  ASSERT_TRUE(frame);
+  EXPECT_GT(static_cast<const tests::SphereField&>(*content.field).n_renders, n_before + 1);
+  EXPECT_EQ(frame->jpeg, io::EncodeImage(QuantizeView(whole), ".jpg"));
+}
+
+TEST(FrameMaker, MovingPicturesAreSampledCoarsely) {
+  const LiveRun::Content content = SphereContent();
+  FrameRequest request = RequestOf(content, 20, 10);
+  const auto& field = static_cast<const tests::SphereField&>(*content.field);
+  FrameMaker maker(1, 0.2);
+  maker.Make(request, content);
+  EXPECT_EQ(field.last_options.step_scale, 0);  // as pictures are scored
+  request.quality = ViewQuality::kFast;
+  maker.Make(request, content);
+  EXPECT_EQ(field.last_options.step_scale, 1);
+  EXPECT_EQ(field.last_options.samples_per_pixel, 1);
+}
+
+TEST(FrameMaker, ALaterRequestReplacesAnEarlierOneOfTheSamePageOnly) {
+  LiveRun::Content content = SphereContent();
+  const auto field = std::make_shared<SlowField>();
+  content.field = field;
+  FrameMaker maker(1, 0.2);
+  FrameRequest large = RequestOf(content, 300, 200), small = RequestOf(content, 20, 10);
+  std::optional<ViewFrame> replaced, later, other;
+  std::thread first([&] { replaced = maker.Make(large, content); });
+  while (!field->rendering) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  small.sequence = 2;
+  std::thread second([&] { later = maker.Make(small, content); });
+  FrameRequest elsewhere = small;
+  elsewhere.viewer = "b", elsewhere.sequence = 1;
+  std::thread third([&] { other = maker.Make(elsewhere, content); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  field->may_go_on = true;
+  for (std::thread* thread : {&first, &second, &third}) thread->join();
+  EXPECT_FALSE(replaced);
+  EXPECT_TRUE(later);
+  EXPECT_TRUE(other);
+  EXPECT_FALSE(maker.Make(large, content));  // comes late
+}
+
+TEST(FrameMaker, NothingWithoutAScene) {
+  const LiveRun::Content content = SphereContent();
+  EXPECT_FALSE(FrameMaker(1, 0.2).Make(RequestOf(content, 20, 10), {}));
+}
+
+TEST(RenderPoints, NearerPointsStandBeforeFartherOnes) {
+  const io::Camera camera = nerf::CameraOfView(41, 41, 1.0);
+  const io::Rigid3d pose;  // looks along -z
+  std::vector<io::Point3D> points = {{.xyz = {0, 0, -2}, .rgb = {255, 0, 0}},
+                                     {.xyz = {0, 0, -5}, .rgb = {0, 255, 0}},
+                                     {.xyz = {0, 0, 3}, .rgb = {0, 0, 255}},
+                                     {.xyz = {1e300, 0, -1}, .rgb = {0, 0, 255}}};
+  for (int round = 0; round < 2; ++round, std::swap(points[0], points[1])) {
+    const nerf::RenderedView view = RenderPoints(points, camera, pose);
+    const std::size_t middle = 20 * 41 + 20;
+    EXPECT_EQ(view.rgb[3 * middle], 1.f);
+    EXPECT_EQ(view.rgb[3 * middle + 1], 0.f);
+    EXPECT_FLOAT_EQ(view.depth[middle], 2);
+    EXPECT_EQ(std::count(view.opacity.begin(), view.opacity.end(), 1.f), 1);
+  }
+}
+
+}  // namespace
+}  // namespace pipeline
