@@ -42,7 +42,7 @@ class Scout {
   Look From(const io::Rigid3d& pose) const {
     RenderOptions options{.threads = threads_, .step_scale = 1, .samples_per_pixel = 1};
     const RenderedView whole = field_.Render(camera_, pose, options);
-    options.end = near_;
+    options.limits.end = near_;
     const RenderedView close = field_.Render(camera_, pose, options);
     Look look;
     for (const float opacity : close.opacity)

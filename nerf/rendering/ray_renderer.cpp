@@ -131,7 +131,7 @@ void RenderPruned(const SceneField& scene_field,
                   std::span<const Ray> rays,
                   int samples_per_pixel,
                   float step_scale,
-                  float end,
+                  const RayLimits& limits,
                   Scratch* scratch,
                   RenderedRay* out) {
   const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
@@ -139,7 +139,8 @@ void RenderPruned(const SceneField& scene_field,
   for (int i = 0; i < static_cast<int>(rays.size()); ++i) {
     RayState state{.index = i, .t = 0, .t_last = 0};
     sampler.Range(rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
-    state.t_last = std::min(state.t_last, end);
+    state.t_last = std::min(state.t_last, limits.end);
+    if (limits.crop) Clip(*limits.crop, rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
     const float share = static_cast<float>(i % samples_per_pixel) / static_cast<float>(samples_per_pixel);
     state.t += share * sampler.Delta(step_scale, state.t);
     out[i] = {{0, 0, 0}, 1, 0};
@@ -162,22 +163,23 @@ void RenderPruned(const SceneField& scene_field,
     }
     scratch->active.resize(kept);
   }
-  if (scene_field.EndsAtInfinity() && std::isinf(end))
+  if (scene_field.EndsAtInfinity() && limits.AreOpen())
     ShadeInfinity(scene_field, sampler, rays, scratch, out);
 }
 
-// A ray with n samples from `first` on, whose densities and colours are known; their weights stay in the
-// scratch.
-RenderedRay CompositeRay(std::size_t first, std::size_t n, float end, Scratch* scratch) {
+// A ray with n samples from `first` on, whose densities and colours are known, between the distances t_first
+// and t_last; their weights stay in the scratch.
+RenderedRay CompositeRay(std::size_t first, std::size_t n, float t_first, float t_last, Scratch* scratch) {
   float *tau = scratch->tau.data() + first, *weights = scratch->weights.data() + first;
   const float *delta = scratch->samples.delta.data() + first, *t = scratch->samples.t.data() + first;
-  for (std::size_t i = 0; i < n; ++i) tau[i] = t[i] < end ? scratch->sigma[first + i] * delta[i] : 0;
+  for (std::size_t i = 0; i < n; ++i)
+    tau[i] = t[i] >= t_first && t[i] < t_last ? scratch->sigma[first + i] * delta[i] : 0;
   Opacities(static_cast<int>(n), tau, weights);
   RenderedRay ray = {};
   ray.transmittance = WeightsFromOpacities(static_cast<int>(n), tau, weights);
   CompositeColour(static_cast<int>(n), weights, scratch->rgb.data() + 3 * first, ray.rgb);
   for (std::size_t i = 0; i < n; ++i) ray.depth += weights[i] * t[i];
-  ray.depth += ray.transmittance * end;
+  ray.depth += ray.transmittance * t_last;
   return ray;
 }
 
@@ -202,8 +204,11 @@ void QueryBins(const SceneField& scene_field,
 }
 
 // Every ray at the midpoints of its bins; with importance samples, a first network finds where they go.
-void RenderStratified(
-    const SceneField& scene_field, std::span<const Ray> rays, float end, Scratch* scratch, RenderedRay* out) {
+void RenderStratified(const SceneField& scene_field,
+                      std::span<const Ray> rays,
+                      const RayLimits& limits,
+                      Scratch* scratch,
+                      RenderedRay* out) {
   const QuadratureOptions quadrature = scene_field.field->quadrature();
   const float near = scene_field.sampler_options.near, far = scene_field.sampler_options.far;
   std::vector<std::vector<float>> t(rays.size());
@@ -215,7 +220,9 @@ void RenderStratified(
     std::size_t first = 0;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       const std::size_t n = t[r].size();
-      out[r] = CompositeRay(first, n, std::min(far, end), scratch);
+      float t_first = 0, t_last = std::min(far, limits.end);
+      if (limits.crop) Clip(*limits.crop, rays[r], &t_first, &t_last);
+      out[r] = CompositeRay(first, n, t_first, t_last, scratch);
       const float* weights = scratch->weights.data() + first;
       first += n;
       if (pass + 1 == n_passes) continue;
@@ -232,7 +239,7 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers,
-                                    float end) {
+                                    const RayLimits& limits) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
   const bool stratified = scene_field.field->quadrature().n_samples > 0;
@@ -245,9 +252,9 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
         rays.subspan(first, std::min(static_cast<std::size_t>(per_task), rays.size() - first));
     Scratch* own = &scratch[static_cast<std::size_t>(thread)];
     if (stratified) {
-      RenderStratified(scene_field, mine, end, own, &out[first]);
+      RenderStratified(scene_field, mine, limits, own, &out[first]);
     } else {
-      RenderPruned(scene_field, mine, samples_per_pixel, step_scale, end, own, &out[first]);
+      RenderPruned(scene_field, mine, samples_per_pixel, step_scale, limits, own, &out[first]);
     }
   });
   return out;
@@ -258,7 +265,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers,
-                                      float end) {
+                                      const RayLimits& limits) {
   const auto n = static_cast<std::size_t>(samples_per_pixel);
   std::vector<Ray> rays(pixels.size() * n);
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -267,7 +274,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
     rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
   }
   const std::vector<RenderedRay> rendered =
-      RenderRays(scene_field, rays, samples_per_pixel, step_scale, workers, end);
+      RenderRays(scene_field, rays, samples_per_pixel, step_scale, workers, limits);
   const float share = 1.f / static_cast<float>(n);
   std::vector<RenderedRay> means(pixels.size());
   for (std::size_t i = 0; i < rendered.size(); ++i) {

@@ -2,12 +2,12 @@
 // opaque; or, for fields with a fixed number of samples per ray, at the midpoints of their bins.
 #pragma once
 
-#include <limits>
 #include <span>
 #include <vector>
 
 #include "nerf/data/dataset.h"
 #include "nerf/fields/scene_field.h"
+#include "nerf/rendering/ray_limits.h"
 
 namespace nerf {
 
@@ -28,14 +28,14 @@ struct CameraPixel {
 
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
 // samples_per_pixel rays of a pixel follow one another; along the occupancy grid their first intervals are
-// staggered evenly, so that their mean sees the surface at as many depths. Rays end at the distance `end` or
-// where the scene does. Results do not depend on the number of workers. Throws io::Interrupted.
+// staggered evenly, so that their mean sees the surface at as many depths. Results do not depend on the
+// number of workers. Throws io::Interrupted.
 std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     std::span<const Ray> rays,
                                     int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers,
-                                    float end = std::numeric_limits<float>::infinity());
+                                    const RayLimits& limits = {});
 
 // Means over samples_per_pixel rays of each pixel, a square number, through the centres of its cells. Their
 // number in training, scene_field.samples_per_pixel, serves best.
@@ -44,6 +44,6 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers,
-                                      float end = std::numeric_limits<float>::infinity());
+                                      const RayLimits& limits = {});
 
 }  // namespace nerf

@@ -193,7 +193,10 @@ ViewSupport SupportMap::ObservedIn(const io::Camera& camera,
   return support;
 }
 
-void VeilUnobserved(const ViewSupport& support, const std::array<float, 3>& tone, RenderedView* view) {
+void VeilUnobserved(const ViewSupport& support,
+                    const std::array<float, 3>& tone,
+                    bool is_cropped,
+                    RenderedView* view) {
   const int width = support.width, height = support.height;
   std::vector<float> unobserved(support.observed.size());
   for (std::size_t i = 0; i < unobserved.size(); ++i) unobserved[i] = support.observed[i] ? 0.f : 1.f;
@@ -209,8 +212,9 @@ void VeilUnobserved(const ViewSupport& support, const std::array<float, 3>& tone
                              scale_y * (static_cast<float>(y) + 0.5f));
       const float u = std::clamp((share - kVeilBegins) / (kVeilComplete - kVeilBegins), 0.f, 1.f);
       if (u == 0) continue;
-      const float veil = u * u * (3 - 2 * u);
-      float* rgb = &view->rgb[3 * static_cast<std::size_t>(y * view->width + x)];
+      const auto pixel = static_cast<std::size_t>(y * view->width + x);
+      const float veil = u * u * (3 - 2 * u) * (is_cropped ? view->opacity[pixel] : 1);
+      float* rgb = &view->rgb[3 * pixel];
       for (std::size_t j = 0; j < 3; ++j) rgb[j] += veil * (tone[j] - rgb[j]);
     }
   }

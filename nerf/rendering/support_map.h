@@ -70,8 +70,11 @@ class SupportMap {
 
 // Shows what was not observed plainly: the tone replaces the colour, in proportion to how little was observed
 // around a pixel. The transition is some pixels of the map wide, and smaller holes are left, so that single
-// pixels do not flicker.
-void VeilUnobserved(const ViewSupport& support, const std::array<float, 3>& tone, RenderedView* view);
+// pixels do not flicker. is_cropped: the light that passes shows a background and nothing else.
+void VeilUnobserved(const ViewSupport& support,
+                    const std::array<float, 3>& tone,
+                    bool is_cropped,
+                    RenderedView* view);
 
 // The camera for a picture of at most `side` pixels.
 io::Camera SmallCamera(const io::Camera& camera, int side);

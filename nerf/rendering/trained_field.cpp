@@ -27,13 +27,14 @@ class CheckpointTrainedField : public TrainedField {
                              : samples_per_pixel > 1 ? 0.7f
                                                      : 0.5f;
     const std::array<float, 3> background =
-        scene_field_->Background(state_.channels == 4, options.background);
+        options.limits.crop ? options.background
+                            : scene_field_->Background(state_.channels == 4, options.background);
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
       if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
       for (const RenderedRay& ray :
-           RenderPixels(*scene_field_, band, samples_per_pixel, step_scale, &workers, options.end)) {
+           RenderPixels(*scene_field_, band, samples_per_pixel, step_scale, &workers, options.limits)) {
         for (std::size_t j = 0; j < 3; ++j) {
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }

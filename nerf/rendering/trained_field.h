@@ -3,12 +3,12 @@
 
 #include <array>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "io/scene/scene.h"
+#include "nerf/rendering/ray_limits.h"
 
 namespace nerf {
 
@@ -19,11 +19,12 @@ struct RenderOptions {
   float step_scale = 0;
   // Rays per pixel: 1, 4, 9, 16, or 0: as the field was trained. Fewer are faster, and jagged.
   int samples_per_pixel = 0;
-  // sRGB in [0, 1], shown where rays leave the scene; only used by fields trained on RGBA pictures, whose
-  // background is free. Others show their own, plain or learned.
+  // sRGB in [0, 1], shown where rays leave the scene or the box. Without a box only used by fields trained on
+  // RGBA pictures, whose background is free; others show their own, plain or learned.
   std::array<float, 3> background = {1, 1, 1};
-  // Distance at which rays end: the opacity is then that of what lies nearer.
-  float end = std::numeric_limits<float>::infinity();
+  // Where rays end: with a distance, the opacity is that of what lies nearer; with a box, that of what lies
+  // inside, before `background`.
+  RayLimits limits;
 };
 
 struct RenderedView {

@@ -9,9 +9,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numeric>
-#include <utility>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"

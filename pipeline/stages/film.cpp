@@ -59,6 +59,7 @@ class FilmMaker {
             const io::Scene& train,
             const FilmOptions& options,
             const CameraPathFile* given_path,
+            const std::optional<Crop>& crop,
             const fs::path& folder)
       : field_(field),
         train_(train),
@@ -69,6 +70,9 @@ class FilmMaker {
     render_options_.step_scale = 1;  // in motion the finer interval is not seen, and it would double the wait
     render_options_.threads = options.threads;
     render_options_.samples_per_pixel = options.pixel_rays;
+    if (!crop) return;
+    render_options_.limits.crop = crop->box;
+    render_options_.background = crop->background;
   }
 
   void FindPath(Film* film) const;
@@ -205,7 +209,7 @@ bool FilmMaker::MakeFrame(int frame, Film* film) const {
   } else if (unknown) {
     support = support_.ObservedIn(camera, pose, view, options_.threads);
   }
-  if (unknown) nerf::VeilUnobserved(support, kUnseenTone, &view);
+  if (unknown) nerf::VeilUnobserved(support, kUnseenTone, render_options_.limits.crop.has_value(), &view);
   film->ms_per_frame += 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
   const io::Image picture = QuantizeView(view);
   if (options_.depth) io::WriteImage(depth_path, DepthPicture(view, train_.near, train_.far));
@@ -253,12 +257,20 @@ Film RenderFilm(const nerf::TrainedField& field,
   Film film;
   std::optional<CameraPathFile> given_path;
   if (!options.path.empty()) given_path = ReadCameraPath(options.path);
+  std::optional<Crop> crop;
+  if (given_path) crop = given_path->crop;
+  if (!options.crop.empty()) crop = ReadCrop(options.crop);
+  if (crop)
+    film.decisions.push_back(fmt::format("crop box: {:.2f} x {:.2f} x {:.2f} scene units",
+                                         crop->box.size.x(),
+                                         crop->box.size.y(),
+                                         crop->box.size.z()));
   film.fps = given_path ? given_path->fps : options.fps;
   film.camera = given_path
                     ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
                     : FilmCamera(train, options.width, options.photo_side);
   const io::VideoEncoder encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
-  const FilmMaker maker(field, train, options, given_path ? &*given_path : nullptr, folder);
+  const FilmMaker maker(field, train, options, given_path ? &*given_path : nullptr, crop, folder);
   maker.FindPath(&film);
   maker.ChooseSize(&film);
   film.decisions.push_back(encoder.decision);

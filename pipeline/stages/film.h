@@ -26,6 +26,7 @@ struct FilmOptions {
   int pixel_rays = 0;      // see nerf::RenderOptions
   int threads = 1;
   std::filesystem::path path;  // camera_path_file.h; empty: fitted to the capture
+  std::filesystem::path crop;  // the same, for its crop box; empty: that of `path`, if any
   int photo_side = 0;  // longer side of the photos before they were made smaller for training; 0: unknown
 };
 

@@ -30,7 +30,8 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   const fs::path transforms = common.out / "scene/transforms_train.json";
   const fs::path checkpoint = common.out / "train/checkpoint.bin";
   std::vector<fs::path> inputs = {transforms, checkpoint};
-  if (!options.path.empty()) inputs.push_back(options.path);
+  for (const fs::path& file : {options.path, options.crop})
+    if (!file.empty()) inputs.push_back(file);
   StageRun stage("render", common, bound, inputs, true);
   RequireTrainedOnThisScene(stage, checkpoint);
   if (stage.IsUpToDate()) return;

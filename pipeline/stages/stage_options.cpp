@@ -70,6 +70,9 @@ void AddRenderOptions(Options* options, FilmFlags* flags) {
                &render->path,
                "camera_path.json of `pipeline view` or nerfstudio, in the coordinates of OUT/scene; it then "
                "decides frames, fps and shape");
+  options->Add("crop",
+               &render->crop,
+               "camera_path.json with a crop box, outside which nothing is filmed; default: that of --path");
   options->Add("fps", &render->fps, "frames per second of the film", {.min = 1, .max = 240});
   options->Add("size",
                &render->width,

@@ -31,6 +31,10 @@ nerf::RenderOptions OptionsOf(const FrameRequest& request, int threads) {
   options.threads = threads;
   if (request.quality != ViewQuality::kFinest) options.step_scale = 1;
   if (request.quality == ViewQuality::kFast) options.samples_per_pixel = 1;
+  if (request.crop) {
+    options.limits.crop = request.crop->box;
+    options.background = request.crop->background;
+  }
   return options;
 }
 
@@ -64,7 +68,7 @@ io::Image Picture(const FrameRequest& request,
   // As the film has it; while a hand moves there is no time for it.
   if (request.quality != ViewQuality::kFast && content.field->HasUnknownSpace()) {
     const auto support = content.support->ObservedIn(request.camera, request.world_from_cam, *view, threads);
-    nerf::VeilUnobserved(support, kUnseenTone, view);
+    nerf::VeilUnobserved(support, kUnseenTone, request.crop.has_value(), view);
   }
   return QuantizeView(*view);
 }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/stages/camera_path_file.h"
 #include "pipeline/view/live_run.h"
 
 namespace pipeline {
@@ -27,6 +28,7 @@ struct FrameRequest {
   io::Rigid3d world_from_cam;  // OpenGL axes
   ViewLayer layer = ViewLayer::kColour;
   ViewQuality quality = ViewQuality::kFast;
+  std::optional<Crop> crop;
 };
 
 struct ViewFrame {

@@ -44,11 +44,15 @@ function pathBody() {
   const size = aspect >= 1 ? [1280, even(1280 / aspect)] : [even(1280 * aspect), 1280];
   return JSON.stringify({ camera_type: 'perspective', render_width: size[0], render_height: size[1], fps: 30,
     seconds: Math.min(600, Math.max(1, Number(byId('seconds').value) || 6)), is_cycle: byId('loop').checked,
+    crop: byId('crop').checked ? cropJson() : null,
     keyframes: keys.map((key) => ({ matrix: rows(key), fov: key.fov * 180 / Math.PI, aspect })) });
 }
 
 async function postPath(save) {
-  if (keys.length === 0) return null;
+  if (keys.length === 0 && !(save && byId('crop').checked)) {
+    byId('saved').textContent = 'Add a view first.';
+    return null;
+  }
   const answer = await request('path?save=' + (save ? 1 : 0), { method: 'POST', body: pathBody() });
   if (!answer.ok) { byId('saved').textContent = await answer.text(); return null; }
   return answer.json();
@@ -98,10 +102,12 @@ byId('play').addEventListener('click', play);
 byId('save').addEventListener('click', async () => {
   const answer = await postPath(true);
   if (answer) byId('saved').textContent =
-    'Saved as camera_path.json. Film: pipeline render --out RUN --path RUN/camera_path.json';
+    'Saved as camera_path.json. Film: pipeline render --out RUN ' +
+    `--${keys.length > 0 ? 'path' : 'crop'} RUN/camera_path.json`;
 });
 async function loadPath() {
   const answer = await request('path'), file = answer.ok ? await answer.json() : {};
+  if (file.crop) loadCrop(file.crop);
   if (!Array.isArray(file.keyframes)) return;
   keys = file.keyframes.map((key) =>
     ({ ...viewOf({ pose: key.matrix, height: 2, focal: 1 }), fov: key.fov * Math.PI / 180 }));
@@ -132,7 +138,9 @@ function drawCurve(rows) {
     context.beginPath(); context.moveTo(left, y(value)); context.lineTo(canvas.width - 8, y(value)); context.stroke();
   }
   context.fillText('0', left, canvas.height - 4);
-  context.fillText(duration(end), canvas.width - 80, canvas.height - 4);
+  context.textAlign = 'right';
+  context.fillText(duration(end), canvas.width - 8, canvas.height - 4);
+  context.textAlign = 'left';
   context.lineWidth = 2.5;
   [[1, '#eba368'], [2, '#7fb2ec']].forEach(([column, colour]) => {
     context.strokeStyle = colour;

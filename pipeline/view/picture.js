@@ -46,6 +46,7 @@ async function fetchFrame(quality) {
   const began = performance.now();
   const query = new URLSearchParams({ viewer, sequence: ++sequence, pose: poseOf(view), fov: view.fov, width, height,
     layer: byId('layer').value, quality });
+  if (byId('crop').checked) query.set('crop', JSON.stringify(cropJson()));
   restAbort = quality > 0 ? new AbortController() : null;
   try {
     const answer = await request('frame?' + query, { signal: restAbort?.signal });
@@ -147,7 +148,21 @@ function drawOverlay() {
   if (byId('cameras').checked)
     scene.cameras.forEach((camera, i) => frustum(context, viewOf(camera), camera.width / camera.height,
       photo && photo.index === i ? '#eba368' : '#7fb2ec'));
+  if (byId('crop').checked) drawBox(context);
   keys.forEach((key) => frustum(context, key, overlay.width / overlay.height, '#8fd694'));
+}
+
+function drawBox(context) {
+  const corner = (i) => project(box.axes.reduce((at, axis, k) =>
+    add(at, axis, (i >> k & 1 ? 0.5 : -0.5) * box.size[k]), box.centre));
+  context.strokeStyle = '#e7e8ea';
+  context.lineWidth = window.devicePixelRatio || 1;
+  context.beginPath();
+  for (let i = 0; i < 8; ++i) for (const bit of [1, 2, 4]) {
+    const [a, b] = i & bit ? [null, null] : [corner(i), corner(i | bit)];
+    if (a && b) { context.moveTo(...a); context.lineTo(...b); }
+  }
+  context.stroke();
 }
 
 function frustum(context, v, aspect, colour) {

@@ -75,6 +75,7 @@ FrameRequest ParseFrameRequest(const Parameters& parameters) {
   request.world_from_cam = PoseFromRows(ParseNumbers("pose", parameters("pose")), "pose");
   request.layer = ParseLayer(parameters("layer"));
   request.quality = static_cast<ViewQuality>(static_cast<int>(number("quality", 0, 2)));
+  if (const std::string crop = parameters("crop"); !crop.empty()) request.crop = ParseCrop(crop, "crop");
   return request;
 }
 

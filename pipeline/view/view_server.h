@@ -5,8 +5,9 @@
 //   GET  /                    the page
 //   GET  /scene               cameras and what they look at; 404 before there are poses
 //   GET  /state               what is shown, how training goes; at least once a second from an open page
-//   GET  /frame?viewer=&sequence=&pose=&fov=&width=&height=&layer=&quality=
-//                             JPEG; 204 when a later request of the same viewer came first
+//   GET  /frame?viewer=&sequence=&pose=&fov=&width=&height=&layer=&quality=&crop=
+//                             JPEG, with a crop box ("crop" of camera_path.json) only what lies inside; 204
+//                             when a later request of the same viewer came first
 //   GET  /photo?index=        JPEG of the scene's frame
 //   GET  /path                RUN/camera_path.json, or {}
 //   POST /path                keyframes as camera_path.json; answers with the interpolated frames, and writes

@@ -29,7 +29,7 @@ class SphereField : public nerf::TrainedField {
         const Eigen::Vector3d ray = world_from_cam.rotation * *io::RayFromImg(camera, {x + 0.5, y + 0.5});
         const Eigen::Vector3d& origin = world_from_cam.translation;
         const double b = origin.dot(ray), discriminant = b * b - origin.squaredNorm() + 1;
-        const double end = std::min<double>(6, options.end);
+        const double end = std::min<double>(6, options.limits.end);
         const bool hit = discriminant > 0 && -b - std::sqrt(discriminant) < end;
         const double t = hit ? -b - std::sqrt(discriminant) : end;
         const Eigen::Vector3d p = origin + t * ray;

@@ -156,9 +156,26 @@ TEST_F(RayRenderer, UnboundedRaysShowTheFieldAtInfinityBehindWhatTheyPass) {
     const RenderedRay seen = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers)[0];
     EXPECT_NEAR(seen.transmittance, passes, 0.01) << "what infinity shows still counts as light that leaves";
     for (const float c : seen.rgb) EXPECT_NEAR(c, 0.5, 1e-5) << "all light has the colour 0.5";
-    const RenderedRay ended = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers, 5)[0];
+    const RenderedRay ended = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers, {.end = 5})[0];
     for (const float c : ended.rgb) EXPECT_NEAR(c, 0.5 * (1 - passes), 0.01) << "it ended before infinity";
   }
+}
+
+TEST_F(RayRenderer, OnlyWhatLiesInTheCropBoxIsShown) {
+  Fill();
+  const Ray ray = {{0, 0, -100}, {0, 0, 1}};
+  io::Workers workers(1);
+  const RenderedRay whole = RenderRays(fog_, {&ray, 1}, 1, 1.f, &workers)[0];
+  RayLimits limits{.crop = CropBox{}};
+  limits.crop->size = {2, 2, 10};
+  limits.crop->world_from_box.translation = {0, 0, 10};
+  const RenderedRay inside = RenderRays(fog_, {&ray, 1}, 1, 0.02f, &workers, limits)[0];
+  EXPECT_NEAR(std::log(inside.transmittance), -10 * std::exp(-1.0), 0.01);
+  EXPECT_GT(inside.transmittance, whole.transmittance);
+  limits.crop->world_from_box.translation = {2, 0, 10};  // the ray passes beside it
+  const RenderedRay beside = RenderRays(fog_, {&ray, 1}, 1, 1.f, &workers, limits)[0];
+  EXPECT_EQ(beside.transmittance, 1.f);
+  for (const float c : beside.rgb) EXPECT_EQ(c, 0.f);
 }
 
 // The first layer's ReLU and the limit of the exponent must not turn a NaN into a number.

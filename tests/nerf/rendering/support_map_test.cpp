@@ -94,7 +94,7 @@ TEST(Veil, CoversHolesWithASoftEdgeAndLeavesSpecks) {
   support.observed[12 * 32 + 28] = 0;                                                  // and a speck
   nerf::RenderedView view{
       .width = 64, .height = 48, .rgb = std::vector<float>(64 * 48 * 3, 0.8f), .depth = {}, .opacity = {}};
-  nerf::VeilUnobserved(support, {0.1f, 0.1f, 0.1f}, &view);
+  nerf::VeilUnobserved(support, {0.1f, 0.1f, 0.1f}, false, &view);
   const auto red = [&](int x) { return view.rgb[3 * static_cast<std::size_t>(24 * 64 + x)]; };
   EXPECT_FLOAT_EQ(red(4), 0.1f);
   EXPECT_FLOAT_EQ(red(40), 0.8f);
@@ -102,6 +102,13 @@ TEST(Veil, CoversHolesWithASoftEdgeAndLeavesSpecks) {
   float largest_step = 0;
   for (int x = 1; x < 64; ++x) largest_step = std::max(largest_step, std::abs(red(x) - red(x - 1)));
   EXPECT_LT(largest_step, 0.35f);
+  // Before a crop box's background only what is there is covered.
+  std::fill(view.rgb.begin(), view.rgb.end(), 0.8f);
+  view.opacity.assign(64 * 48, 0);
+  view.opacity[24 * 64 + 4] = 1;
+  nerf::VeilUnobserved(support, {0.1f, 0.1f, 0.1f}, true, &view);
+  EXPECT_FLOAT_EQ(red(4), 0.1f);
+  EXPECT_FLOAT_EQ(red(5), 0.8f);
 }
 
 }  // namespace

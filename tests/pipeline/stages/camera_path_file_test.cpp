@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "io/base/error.h"
@@ -54,6 +55,44 @@ TEST(CameraPathFile, KeyframesAloneBecomeFrames) {
   EXPECT_EQ(file.frames.size(), 12u);
 }
 
+std::string Crop(const std::string& centre,
+                 const std::string& size,
+                 const std::string& rotation = "[0,0,0]") {
+  return "{\"crop_center\": " + centre + ", \"crop_scale\": " + size + ", \"crop_rot\": " + rotation +
+         ", \"crop_bg_color\": {\"r\": 255, \"g\": 0, \"b\": 51}}";
+}
+
+TEST(CameraPathFile, CropBoxesTurnAboutXThenYThenZ) {
+  const pipeline::Crop crop = ParseCrop(Crop("[1,2,3]", "[4,5,6]", "[0.5,0,1.5707963267948966]"), "p");
+  EXPECT_EQ(crop.box.world_from_box.translation, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(crop.box.size, Eigen::Vector3d(4, 5, 6));
+  EXPECT_LT((crop.box.world_from_box.rotation.col(0) - Eigen::Vector3d::UnitY()).norm(), 1e-12);
+  EXPECT_LT(
+      (crop.box.world_from_box.rotation.col(1) - Eigen::Vector3d(-std::cos(0.5), 0, std::sin(0.5))).norm(),
+      1e-12);
+  EXPECT_EQ(crop.background, (std::array<float, 3>{1, 0, 0.2f}));
+}
+
+TEST(CameraPathFile, CropBoxesAreReadBackWithAndWithoutFrames) {
+  const TempDir dir;
+  CameraPathFile file{.width = 640, .height = 480};
+  file.crop = ParseCrop(Crop("[1,2,3]", "[4,5,6]", "[0.3,-0.4,2.5]"), "p");
+  WriteCameraPath(dir / "crop.json", file);
+  EXPECT_ERROR(ReadCameraPath(dir / "crop.json"), io::ExitCode::kBadInput, "no frames");
+  file.frames.resize(2, {.world_from_cam = {}, .fov_y = 1});
+  WriteCameraPath(dir / "path.json", file);
+  EXPECT_EQ(ReadCameraPath(dir / "path.json").frames.size(), 2u);
+  for (const char* name : {"crop.json", "path.json"}) {
+    const pipeline::Crop read = ReadCrop(dir / name);
+    EXPECT_EQ(read.box.size, file.crop->box.size);
+    EXPECT_LT((read.box.world_from_box.rotation - file.crop->box.world_from_box.rotation).norm(), 1e-12);
+    EXPECT_EQ(read.background, file.crop->background);
+  }
+  file.crop.reset();
+  WriteCameraPath(dir / "path.json", file);
+  EXPECT_ERROR(ReadCrop(dir / "path.json"), io::ExitCode::kBadInput, "no crop box");
+}
+
 TEST(CameraPathFile, RefusesWhatCannotBeFilmed) {
   const std::string frames = Frames(View("camera_to_world", kIdentity));
   const auto with = [&](const std::string& member) {
@@ -72,6 +111,9 @@ TEST(CameraPathFile, RefusesWhatCannotBeFilmed) {
   refused(Frames(View("camera_to_world", kIdentity, "180")), "fov");
   refused(with("\"camera_type\": \"fisheye\""), "camera_type");
   refused(with("\"crop\": {}"), "crop");
+  refused(with("\"crop\": " + Crop("[0,0]", "[1,1,1]")), "crop_center");
+  refused(with("\"crop\": " + Crop("[0,0,0]", "[1,0,1]")), "crop_scale");
+  refused(with("\"crop\": " + Crop("[0,0,0]", "[1,1,1]", "[0,0,9]")), "crop_rot");
   EXPECT_NO_THROW(ParseCameraPath(with("\"crop\": null, \"camera_type\": \"perspective\""), "p"));
 }
 

@@ -65,6 +65,27 @@ TEST(ViewPage, IsDrivenByMouseKeysAndButtons) {
   EXPECT_LT(
       (path.frames[0].world_from_cam.translation - small.scene().frames[0].world_from_cam.translation).norm(),
       1e-9);
+  // A box around a part of the ball that lies left of the middle: the rest goes, and the box is kept.
+  EXPECT_FALSE(path.crop);
+  browser.Evaluate("show(home), byId('crop').click(), moveSide(1, -0.2), moved()");
+  ASSERT_TRUE(browser.Becomes(kSharp));
+  browser.Screenshot(small.path() / "cropped.png");
+  const io::Image cropped = io::ReadImage(small.path() / "cropped.png");
+  const auto brightness = [&](const io::Image& image, int x) {
+    const std::uint8_t* pixel = image.Pixel(x, static_cast<int>(kY));
+    return pixel[0] + pixel[1] + pixel[2];
+  };
+  EXPECT_LT(brightness(cropped, static_cast<int>(kX) + 90), 90);
+  EXPECT_GT(brightness(cropped, static_cast<int>(kX) - 90), 90);
+  browser.Evaluate("byId('saved').textContent = '', byId('save').click()");
+  EXPECT_TRUE(browser.Becomes("byId('saved').textContent.startsWith('Saved')"));
+  const Crop crop = ReadCrop(small.path() / "camera_path.json");
+  EXPECT_NEAR(browser.Evaluate("placeOf(1)").get<double>(), -0.2, 1e-9);
+  browser.Evaluate("box = null, loadPath()");
+  EXPECT_TRUE(browser.Becomes("box && Math.abs(placeOf(1) + 0.2) < 1e-9"));
+  EXPECT_NEAR(browser.Evaluate("box.size[1]").get<double>(), crop.box.size[1], 1e-9);
+  browser.Evaluate("byId('crop').click()");
+
   browser.Evaluate("play()");
   EXPECT_TRUE(browser.Becomes("path === null"))
       << browser.Evaluate("[path && path.length, dirty, refreshing, level, document.hidden]");

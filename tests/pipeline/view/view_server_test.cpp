@@ -110,6 +110,8 @@ TEST_F(ViewServerTest, RefusesFramesThatMakeNoSense) {
                                   with("fov=0.8", "fov=inf"),
                                   with("layer=colour", "layer=secret"),
                                   with("quality=0", "quality=9"),
+                                  with("quality=0", "quality=0&crop=%7B%7D"),
+                                  with("quality=0", "quality=0&crop=x"),
                                   with("pose=", "pose=1,2,"),
                                   with("pose=", "pose=7"),
                                   std::string("/frame")})
