@@ -35,7 +35,7 @@ struct TrainingNews {
 // What a watcher asks for.
 struct WatcherWish {
   bool wants_checkpoint = false;  // now, as far as kWatchedShare allows
-  bool wants_end = false;         // with what there is
+  bool wants_end = false;         // soon: the rest of the schedule in a fraction of the time so far
 };
 
 struct TrainOptions {

@@ -33,6 +33,9 @@ constexpr double kMonitorShare = 0.2;         // and take at most this share of 
 constexpr double kProgressEveryS = 0.5;
 constexpr double kWatchedShare = 0.05;  // of the training time that a watcher's checkpoints take at most
 constexpr double kWatchedEveryS = 4;    // and not more often, since reading them costs as well
+// Asked to end, training goes through the rest of its schedule within this share of the time so far, at least
+// kMinWindDownS: with a falling rate and short intervals the field is worth more than as it stands.
+constexpr double kWindDownShare = 0.15, kMinWindDownS = 1;
 
 double Db(double squared_error) { return -10 * std::log10(std::max(squared_error, 1e-12)); }
 
@@ -69,6 +72,7 @@ class Trainer {
   void MakeField();
   void MakeTraining();
   double Progress(double elapsed_s) const;
+  double LeftSeconds(double now) const;
   bool HasReachedTarget() const;
   void Step(double progress);
   void Skip(const std::string& fault);
@@ -104,6 +108,10 @@ class Trainer {
   double flop_ = 0;
   double next_monitor_s_ = 0, next_save_s_ = 0;
   double next_watched_save_s_ = 0;
+  struct WindDown {
+    double progress, begin_s, length_s;  // `progress`: when it began
+  };
+  std::optional<WindDown> wind_down_;
   std::optional<io::Progress> bar_;
   double shown_s_ = 0;            // when progress was last shown ...
   std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
@@ -162,6 +170,10 @@ void Trainer::Begin() {
 }
 
 double Trainer::Progress(double elapsed_s) const {
+  if (wind_down_) {
+    const double share = (elapsed_s - wind_down_->begin_s) / wind_down_->length_s;
+    return std::min(wind_down_->progress + (1 - wind_down_->progress) * share, 1.0);
+  }
   const double progress =
       options_.steps > 0 ? static_cast<double>(state_.step) / options_.steps : elapsed_s / options_.time_s;
   return std::min(progress, 1.0);
@@ -242,18 +254,26 @@ void Trainer::SaveWhenDue(double now) {
   next_save_s_ = now + options_.checkpoint_every_s;
 }
 
+double Trainer::LeftSeconds(double now) const {
+  if (wind_down_) return wind_down_->begin_s + wind_down_->length_s - now;
+  const double progress = Progress(now);
+  return now * (1 - progress) / progress;
+}
+
 void Trainer::AskWatcher(double now) {
   if (!options_.watcher) return;
   const double progress = Progress(now);
   const WatcherWish wish = options_.watcher({.step = state_.step,
                                              .progress = progress,
                                              .elapsed_s = now,
-                                             .left_s = now * (1 - progress) / progress,
+                                             .left_s = LeftSeconds(now),
                                              .train_psnr = Db(state_.squared_error),
                                              .heldout_psnr = report_.heldout_psnr});
-  if (wish.wants_end) {
+  if (wish.wants_end && !report_.ended_early) {
     report_.ended_early = true;
-    report_.events.push_back(fmt::format("ended at {:.0f} % by request of a viewer", 100 * progress));
+    report_.events.push_back(fmt::format("asked to end at {:.0f} % by a viewer", 100 * progress));
+    wind_down_ =
+        WindDown{progress, now, std::min(std::max(kMinWindDownS, kWindDownShare * now), LeftSeconds(now))};
   } else if (wish.wants_checkpoint && now >= next_watched_save_s_) {
     const double cost_s = clock_.Exclude([&] { Save(now); });
     next_watched_save_s_ = now + std::max(kWatchedEveryS, cost_s / kWatchedShare);
@@ -316,8 +336,7 @@ void Trainer::DescribeCameras() {
 TrainReport Trainer::Run() {
   Begin();
   try {
-    for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget() && !report_.ended_early;
-         now = clock_.Elapsed()) {
+    for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget(); now = clock_.Elapsed()) {
       Step(Progress(now));
       if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
       io::ThrowIfInterrupted();
