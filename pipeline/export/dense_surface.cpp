@@ -18,7 +18,7 @@ constexpr int kMinSupport = 2;
 constexpr double kMinCosine = 0.17;
 // Side of the first cells as a share of the median footprint of a pixel: nothing that a view tells apart is
 // merged before there are too many points.
-constexpr double kFirstCell = 0.5;
+constexpr double kFirstCell = 0.25;
 
 io::Camera CameraFor(const io::Camera& camera, int size) {
   return size == 0 ? camera : nerf::SmallCamera(camera, size);
