@@ -90,6 +90,7 @@ TEST_F(ExportCommand, OptionsAreCheckedBeforeAnyWork) {
                                  "--points-apart=1,2,3=1",
                                  "--max-points=0",
                                  "--view-size=-1",
+                                 "--view-size=16385",
                                  "--threads=-1",
                                  "--cameras="})
     ExpectRefused(

@@ -25,7 +25,7 @@ std::vector<Surfel> Sphere(int n) {
 TEST(SurfelGrid, KeepsAtMostAsManyAsWantedAndNotManyFewer) {
   for (const std::size_t most : {100u, 3000u}) {
     SurfelGrid grid(1e-3, most);
-    for (const Surfel& surfel : Sphere(20000)) grid.Add(surfel);
+    for (const Surfel& surfel : Sphere(20000)) grid.Add(surfel, 1);
     const std::vector<Surfel> thinned = grid.Thinned();
     EXPECT_LE(thinned.size(), most);
     EXPECT_GT(thinned.size(), most / 2);
@@ -37,14 +37,16 @@ TEST(SurfelGrid, KeepsAtMostAsManyAsWantedAndNotManyFewer) {
   }
 }
 
-TEST(SurfelGrid, TakesTheMeanOfACellWeightedByFineness) {
+TEST(SurfelGrid, TakesTheWeightedMeanOfACell) {
   SurfelGrid grid(1, 10);
-  grid.Add({.position = {0.2, 0.5, 0.5}, .normal = {0, 0, 1}, .rgb = {0, 0, 0}, .spacing = 2, .support = 9});
+  grid.Add({.position = {0.2, 0.5, 0.5}, .normal = {0, 0, 1}, .rgb = {0, 0, 0}, .spacing = 2, .support = 9},
+           0.25);
   grid.Add(
-      {.position = {0.7, 0.5, 0.5}, .normal = {0, 0.6, 0.8}, .rgb = {1, 1, 1}, .spacing = 4, .support = 3});
+      {.position = {0.7, 0.5, 0.5}, .normal = {0, 0.6, 0.8}, .rgb = {1, 1, 1}, .spacing = 4, .support = 3},
+      0.0625);
   const std::vector<Surfel> thinned = grid.Thinned();
   ASSERT_EQ(thinned.size(), 1u);
-  EXPECT_NEAR(thinned[0].position.x(), 0.3, 1e-12);  // weights 1/4 and 1/16
+  EXPECT_NEAR(thinned[0].position.x(), 0.3, 1e-12);
   EXPECT_NEAR(thinned[0].rgb.x(), 0.2, 1e-12);
   EXPECT_LT((thinned[0].normal - Vector3d(0, 0.12, 0.96).normalized()).norm(), 1e-12);
   EXPECT_EQ(thinned[0].spacing, 2);
@@ -54,7 +56,7 @@ TEST(SurfelGrid, TakesTheMeanOfACellWeightedByFineness) {
 TEST(SurfelGrid, TheTwoFacesOfAThinThingStayApart) {
   SurfelGrid grid(1, 10);
   for (const double side : {1.0, -1.0})
-    grid.Add({.position = {0.5, 0.5, 0.5 + 0.01 * side}, .normal = {0, 0, side}, .spacing = 0.1});
+    grid.Add({.position = {0.5, 0.5, 0.5 + 0.01 * side}, .normal = {0, 0, side}, .spacing = 0.1}, 1);
   const std::vector<Surfel> thinned = grid.Thinned();
   ASSERT_EQ(thinned.size(), 2u);
   EXPECT_NEAR(thinned[0].normal.z() + thinned[1].normal.z(), 0, 1e-12);
@@ -63,7 +65,7 @@ TEST(SurfelGrid, TheTwoFacesOfAThinThingStayApart) {
 TEST(SurfelGrid, CellsBelowZeroAreAsLargeAsOthers) {
   SurfelGrid grid(1, 10);
   for (const double x : {-0.5, 0.5})
-    grid.Add({.position = {x, 0.5, 0.5}, .normal = {0, 0, 1}, .spacing = 0.1});
+    grid.Add({.position = {x, 0.5, 0.5}, .normal = {0, 0, 1}, .spacing = 0.1}, 1);
   EXPECT_EQ(grid.Thinned().size(), 2u);
 }
 

@@ -57,8 +57,14 @@ TEST(ViewSurface, PlanesDoNotReachOverEdges) {
   const ExportedScene scene = tests::SphereExport(dir.path());
   const io::Rigid3d& pose = scene.train.frames[0].world_from_cam;
   const ViewSurface view = MeasureSurface(Steps(), *scene.support, scene.train.cameras[0], pose, 1);
-  for (const Eigen::Vector3f& normal : view.normals)
-    ASSERT_GT(normal.cast<double>().dot(pose.rotation.col(2)), 0.9999);
+  for (std::size_t i = 0; i < view.normals.size(); ++i) {
+    ASSERT_GT(view.normals[i].cast<double>().dot(pose.rotation.col(2)), 0.9999);
+    const int from_step = std::abs(2 * static_cast<int>(i % 96) - 95);  // 1: beside it
+    ASSERT_EQ(view.evenness[i] < 1, from_step <= 3) << from_step;
+    if (from_step == 1) {
+      ASSERT_NEAR(view.evenness[i], 0.6, 1e-6);
+    }
+  }
 }
 
 }  // namespace
