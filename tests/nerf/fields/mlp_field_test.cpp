@@ -98,6 +98,26 @@ void Occupy(const std::vector<Ray>& rays, SceneField* scene_field) {
   grid.Rebuild();
 }
 
+TEST_F(TrainedBall, MedianDepthIsTheSameByBothQuadratures) {
+  io::Workers workers(2);
+  const auto rays = [&](const SceneField& scene_field) {
+    return RenderRays(scene_field, rays_, 1, 0.2f, &workers);
+  };
+  const std::vector<RenderedRay> pruned = rays(*trained_);
+  for (const bool open_end : {false, true}) {
+    const std::vector<RenderedRay> stratified = rays(*With({.n_samples = 512, .open_end = open_end}));
+    int n = 0;
+    for (std::size_t i = 0; i < pruned.size(); ++i) {
+      if (std::abs(pruned[i].transmittance - 0.5f) < 0.2f) continue;  // on the verge
+      EXPECT_EQ(std::isfinite(pruned[i].median_depth), pruned[i].transmittance < 0.5f);
+      if (pruned[i].transmittance > 0.5f) continue;
+      EXPECT_NEAR(stratified[i].median_depth, pruned[i].median_depth, 0.05) << i;
+      ++n;
+    }
+    EXPECT_GT(n, 10);
+  }
+}
+
 TEST_F(TrainedBall, LooksTheSameWithEverySampling) {
   double largest;
   const std::vector<double> dense = Render(*With({.n_samples = 256}), 1);

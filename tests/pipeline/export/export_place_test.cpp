@@ -66,6 +66,17 @@ TEST_F(ExportPlace, TheRunFolderAndWhatHoldsItAreNoPlace) {
   EXPECT_NO_THROW(RequireExportFolder(dir_ / "run2", run_));
 }
 
+TEST_F(ExportPlace, WhereNothingCanBeMadeIsSaidBeforeTheWork) {
+  WriteText(dir_ / "file", "x");
+  EXPECT_ERROR(RequireExportFile(dir_ / "file/deep/a.ply", run_, true),
+               ExitCode::kBadInput,
+               "a.ply",
+               "cannot be made");
+  EXPECT_ERROR(RequireExportFolder(dir_ / "file/deep/a", run_), ExitCode::kBadInput, "cannot be made");
+  EXPECT_NO_THROW(RequireExportFolder(dir_ / "new/deep/a", run_));
+  EXPECT_NO_THROW(RequireExportFile("a name without a folder.ply", run_, true));
+}
+
 TEST_F(ExportPlace, AFolderAppearsWhenItIsComplete) {
   const fs::path target = dir_ / "new/deep";
   {

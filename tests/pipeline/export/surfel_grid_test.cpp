@@ -62,6 +62,16 @@ TEST(SurfelGrid, TheTwoFacesOfAThinThingStayApart) {
   EXPECT_NEAR(thinned[0].normal.z() + thinned[1].normal.z(), 0, 1e-12);
 }
 
+TEST(SurfelGrid, SurfacesThatMeetInACellKeepTheirNormals) {
+  SurfelGrid grid(1, 10);
+  for (const Vector3d& normal : {Vector3d(1, 0, 0), Vector3d(0, 0.1, 1), Vector3d(0, -0.1, 1)})
+    grid.Add({.position = {0.5, 0.5, 0.5}, .normal = normal, .spacing = 0.1}, 1);
+  const std::vector<Surfel> thinned = grid.Thinned();
+  ASSERT_EQ(thinned.size(), 2u);
+  EXPECT_EQ(thinned[0].normal, Vector3d(1, 0, 0));
+  EXPECT_EQ(thinned[1].normal, Vector3d(0, 0, 1));
+}
+
 TEST(SurfelGrid, CellsBelowZeroAreAsLargeAsOthers) {
   SurfelGrid grid(1, 10);
   for (const double x : {-0.5, 0.5})
