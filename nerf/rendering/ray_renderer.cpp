@@ -40,10 +40,17 @@ struct Scratch {
   }
 };
 
+// What a sample at t adds to the midmean depth of a ray, which lets one share of the light pass before it and
+// another behind it.
+float MidmeanPart(float before, float behind, float t) {
+  return 2 * t * std::max(0.f, std::min(before, 0.75f) - std::max(behind, 0.25f));
+}
+
 // Weight of a sample at t; the ray goes on behind it.
 float Absorb(float opacity, float transmittance, float t, RenderedRay* ray) {
   const float weight = ray->transmittance * opacity;
   ray->depth += weight * t;
+  ray->midmean_depth += MidmeanPart(ray->transmittance, transmittance, t);
   ray->transmittance = transmittance;
   return weight;
 }
@@ -142,7 +149,7 @@ void RenderPruned(const SceneField& scene_field,
     state.t_last = std::min(state.t_last, end);
     const float share = static_cast<float>(i % samples_per_pixel) / static_cast<float>(samples_per_pixel);
     state.t += share * sampler.Delta(step_scale, state.t);
-    out[i] = {{0, 0, 0}, 1, 0};
+    out[i] = {{0, 0, 0}, 1, 0, 0};
     scratch->active.push_back(state);
   }
   while (!scratch->active.empty()) {
@@ -157,6 +164,7 @@ void RenderPruned(const SceneField& scene_field,
         continue;
       }
       ray.depth += ray.transmittance * std::max(state.t_last, 0.f);
+      ray.midmean_depth += MidmeanPart(ray.transmittance, 0, std::max(state.t_last, 0.f));
       const float share = state.coloured > 0 ? (1 - ray.transmittance) / state.coloured : 1;
       for (float& c : ray.rgb) c *= share;
     }
@@ -176,8 +184,14 @@ RenderedRay CompositeRay(std::size_t first, std::size_t n, float end, Scratch* s
   RenderedRay ray = {};
   ray.transmittance = WeightsFromOpacities(static_cast<int>(n), tau, weights);
   CompositeColour(static_cast<int>(n), weights, scratch->rgb.data() + 3 * first, ray.rgb);
-  for (std::size_t i = 0; i < n; ++i) ray.depth += weights[i] * t[i];
+  float transmittance = 1;
+  for (std::size_t i = 0; i < n; ++i) {
+    ray.depth += weights[i] * t[i];
+    ray.midmean_depth += MidmeanPart(transmittance, transmittance - weights[i], t[i]);
+    transmittance -= weights[i];
+  }
   ray.depth += ray.transmittance * end;
+  ray.midmean_depth += MidmeanPart(transmittance, 0, end);
   return ray;
 }
 
@@ -275,6 +289,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
     for (int j = 0; j < 3; ++j) mean.rgb[j] += share * rendered[i].rgb[j];
     mean.transmittance += share * rendered[i].transmittance;
     mean.depth += share * rendered[i].depth;
+    mean.midmean_depth += share * rendered[i].midmean_depth;
   }
   return means;
 }

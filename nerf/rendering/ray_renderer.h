@@ -18,6 +18,9 @@ struct RenderedRay {
   float rgb[3];
   float transmittance;  // share of the light that leaves the scene: what shows the background or infinity
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
+  // The same of the middle half of the light alone, without the quarter that ends first and the one that ends
+  // last: fog before a surface and what shines through it do not move it.
+  float midmean_depth;
 };
 
 // A pixel of a camera.

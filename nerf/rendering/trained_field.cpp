@@ -37,7 +37,7 @@ class CheckpointTrainedField : public TrainedField {
         for (std::size_t j = 0; j < 3; ++j) {
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }
-        view.depth.push_back(ray.depth);
+        view.depth.push_back(options.midmean_depth ? ray.midmean_depth : ray.depth);
         view.opacity.push_back(1.f - ray.transmittance);
       }
       band.clear();

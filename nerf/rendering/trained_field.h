@@ -24,12 +24,14 @@ struct RenderOptions {
   std::array<float, 3> background = {1, 1, 1};
   // Distance at which rays end: the opacity is then that of what lies nearer.
   float end = std::numeric_limits<float>::infinity();
+  // Depth is that of the middle half of the light, see RenderedRay in ray_renderer.h: sharper at edges.
+  bool midmean_depth = false;
 };
 
 struct RenderedView {
   int width = 0, height = 0;
   std::vector<float> rgb;      // [height][width][3], sRGB in [0, 1], background included
-  std::vector<float> depth;    // [height][width], expected depth along the ray in scene units
+  std::vector<float> depth;    // [height][width], expected (or midmean) depth along the ray in scene units
   std::vector<float> opacity;  // [height][width], sum of weights
 };
 
