@@ -202,7 +202,7 @@ RenderedRay CompositeRay(std::size_t first, std::size_t n, float t_first, float 
     const float median = MedianDepth(before, behind, t[i], delta[i], kInfinity);
     // Intervals are not centred on their samples, and the last one may be endless.
     if (std::isfinite(median))
-      ray.median_depth = std::clamp(median, i == 0 ? 0 : t[i - 1], i + 1 == n ? end : t[i + 1]);
+      ray.median_depth = std::clamp(median, i == 0 ? 0 : t[i - 1], i + 1 == n ? t_last : t[i + 1]);
   }
   ray.depth += ray.transmittance * t_last;
   return ray;
