@@ -13,7 +13,7 @@ using Eigen::Vector3f;
 
 // Of the rendering. A field shows its surfaces where training with its own intervals needs them: with coarser
 // intervals they lie behind their true place, with finer ones before it (nerf/EXPERIMENTS.md).
-constexpr float kStepScale = 0.6f;
+constexpr float kStepScale = 0.45f;
 
 // Where a pixel's ray meets the plane at distance 1 before the camera.
 struct Rays {
