@@ -3,12 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "io/base/atomic_file.h"
 #include "io/base/check.h"
+#include "io/image/grey_png.h"
 
 namespace io {
 namespace {
@@ -58,10 +57,7 @@ Mask ReadMask(const std::filesystem::path& path, int width, int height) {
 }
 
 void WriteMask(const std::filesystem::path& path, const Mask& mask) {
-  std::vector<std::uint8_t> bytes;
-  const bool written = cv::imencode(".png", ToMat(mask), bytes);
-  PIPELINE_CHECK(written);
-  WriteFileAtomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  WriteGreyPng(path, mask.width, mask.height, std::span<const std::uint8_t>(mask.used));
 }
 
 Mask ShrinkMask(const Mask& mask, int width, int height) {

@@ -1,4 +1,4 @@
-// COLMAP sparse models (cameras, images, points3D; read in binary or text, written as text). The reader is
+// COLMAP sparse models (cameras, images, points3D; in binary or text). The reader is
 // ours because COLMAP's accepts truncated files, NaN poses and dangling references without a word: every
 // count is checked against the bytes that remain before anything is allocated, every reference and number is
 // verified.
@@ -45,10 +45,14 @@ bool IsColmapModel(const std::filesystem::path& folder);
 // SIMPLE_RADIAL, RADIAL and OPENCV; other camera models throw kBadInput ("undistort first").
 ColmapModel ReadColmapModel(const std::filesystem::path& folder);
 
-// Writes cameras.txt, images.txt and points3D.txt with 17 significant digits; features without a point are
-// not kept. Each camera gets the simplest model that holds its parameters exactly. ReadColmapModel returns
-// the same model, up to rounding of the poses (COLMAP stores quaternion and translation). Throws kNoResources
+enum class ColmapForm { kText, kBinary };
+
+// Writes cameras, images and points3D, in text with 17 significant digits; features without a point are not
+// kept. Each camera gets the simplest model that holds its parameters exactly. ReadColmapModel returns the
+// same model, up to rounding of the poses (COLMAP stores quaternion and translation). Throws kNoResources
 // when a file cannot be written.
-void WriteColmapModel(const std::filesystem::path& folder, const ColmapModel& model);
+void WriteColmapModel(const std::filesystem::path& folder,
+                      const ColmapModel& model,
+                      ColmapForm form = ColmapForm::kText);
 
 }  // namespace io

@@ -262,6 +262,12 @@ int ColmapParamCount(const std::string& model) {
   return -1;
 }
 
+int ColmapModelNumber(const std::string& model) {
+  int number = 0;
+  while (kCameraModels[number].name != model) ++number;
+  return number;
+}
+
 ColmapRecords ReadColmapRecords(const fs::path& folder) {
   for (const char* extension : {".bin", ".txt"}) {
     ColmapRecords records;

@@ -57,6 +57,9 @@ struct ColmapRecords {
 // Number of parameters of a camera model, or -1 for a name COLMAP does not define.
 int ColmapParamCount(const std::string& model);
 
+// COLMAP's number of a camera model that it defines.
+int ColmapModelNumber(const std::string& model);
+
 // Binary files are preferred where both exist, as in COLMAP. Every count is checked against the bytes that
 // remain before anything is allocated, and every file must end where its last record ends. Throws kBadState
 // naming file and record, kBadInput when the folder holds no model.

@@ -35,4 +35,9 @@ TransformsFile ReadTransforms(const std::filesystem::path& json_path);
 // normalised.
 void WriteTransforms(const std::filesystem::path& json_path, const Scene& scene, const std::string& ply_name);
 
+// The same in the dialect of the NeRF-synthetic scenes, transforms_train.json and its like. Their readers
+// know one camera for all pictures, its horizontal angle of view, and PNG files named without ".png"; what a
+// camera has beside the angle is added in keys that they pass over. Pictures must be PNG files.
+void WriteBlenderTransforms(const std::filesystem::path& json_path, const Scene& scene);
+
 }  // namespace io

@@ -1,6 +1,7 @@
 // Writes the transforms.json that every known reader accepts: extension in file_path, camera_model,
 // intrinsics either all on top or all in every frame, zero distortion spelt out, identity applied_transform,
 // and only pictures that exist.
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -35,6 +36,9 @@ Json MatrixJson(const Rigid3d& pose) {
   return rows;
 }
 
+// Radians.
+double AngleOfView(int pixels, double focal) { return 2.0 * std::atan(0.5 * pixels / focal); }
+
 void AddIntrinsics(const Camera& camera, Json* json) {
   PIPELINE_CHECK(camera.width > 0 && camera.height > 0 && camera.fl_x > 0 && camera.fl_y > 0);
   (*json)["w"] = camera.width;
@@ -47,8 +51,8 @@ void AddIntrinsics(const Camera& camera, Json* json) {
   (*json)["k2"] = Finite(camera.k2);
   (*json)["p1"] = Finite(camera.p1);
   (*json)["p2"] = Finite(camera.p2);
-  (*json)["camera_angle_x"] = 2.0 * std::atan(0.5 * camera.width / camera.fl_x);
-  (*json)["camera_angle_y"] = 2.0 * std::atan(0.5 * camera.height / camera.fl_y);
+  (*json)["camera_angle_x"] = AngleOfView(camera.width, camera.fl_x);
+  (*json)["camera_angle_y"] = AngleOfView(camera.height, camera.fl_y);
 }
 
 // One place for the path rule: relative to the file, with '/', never leaving its folder.
@@ -77,21 +81,44 @@ Json PipelineJson(const Scene& scene) {
             {"translation", ToJson(scene.scene_from_sfm.translation)}}}};
 }
 
+const Camera& CameraOf(const Scene& scene, const Frame& frame) {
+  PIPELINE_CHECK(frame.camera_index >= 0 &&
+                 static_cast<std::size_t>(frame.camera_index) < scene.cameras.size());
+  return scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+}
+
+// Whether one camera took all frames.
+bool IsShared(const Scene& scene) {
+  PIPELINE_CHECK(!scene.frames.empty());
+  const Camera& first = CameraOf(scene, scene.frames[0]);
+  return std::all_of(scene.frames.begin(), scene.frames.end(), [&](const Frame& frame) {
+    return CameraOf(scene, frame) == first;
+  });
+}
+
+// Whether the horizontal angle of view says all of a camera.
+bool IsStatedByAngle(const Camera& camera) {
+  return camera.fl_x == camera.fl_y && 2 * camera.cx == camera.width && 2 * camera.cy == camera.height &&
+         !camera.HasDistortion();
+}
+
+void WriteJson(const fs::path& json_path, const Json& json) {
+  std::string text;
+  try {
+    text = json.dump(1);
+  } catch (const Json::type_error&) {
+    throw Error(ExitCode::kBadInput, json_path.string() + ": a picture's name is not UTF-8", "Rename it");
+  }
+  WriteFileAtomically(json_path, text + "\n");
+}
+
 }  // namespace
 
 void WriteTransforms(const fs::path& json_path, const Scene& scene, const std::string& ply_name) {
-  PIPELINE_CHECK(!scene.frames.empty());
-  bool is_shared = true;
-  for (const Frame& frame : scene.frames) {
-    PIPELINE_CHECK(frame.camera_index >= 0 &&
-                   static_cast<std::size_t>(frame.camera_index) < scene.cameras.size());
-    is_shared = is_shared && scene.cameras[static_cast<std::size_t>(frame.camera_index)] ==
-                                 scene.cameras[static_cast<std::size_t>(scene.frames[0].camera_index)];
-  }
-
+  const bool is_shared = IsShared(scene);
   Json json;
   json["camera_model"] = "OPENCV";
-  if (is_shared) AddIntrinsics(scene.cameras[static_cast<std::size_t>(scene.frames[0].camera_index)], &json);
+  if (is_shared) AddIntrinsics(CameraOf(scene, scene.frames[0]), &json);
   if (!ply_name.empty()) json["ply_file_path"] = ply_name;
   json["applied_transform"] = {{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}};
   if ((scene.aabb.min.array() < scene.aabb.max.array()).all()) json["pipeline"] = PipelineJson(scene);
@@ -100,17 +127,33 @@ void WriteTransforms(const fs::path& json_path, const Scene& scene, const std::s
     Json entry;
     entry["file_path"] = RelativePath(json_path, frame.image_path);
     if (!frame.mask_path.empty()) entry["mask_path"] = RelativePath(json_path, frame.mask_path);
-    if (!is_shared) AddIntrinsics(scene.cameras[static_cast<std::size_t>(frame.camera_index)], &entry);
+    if (!is_shared) AddIntrinsics(CameraOf(scene, frame), &entry);
     entry["transform_matrix"] = MatrixJson(frame.world_from_cam);
     frames.push_back(std::move(entry));
   }
-  std::string text;
-  try {
-    text = json.dump(1);
-  } catch (const Json::type_error&) {
-    throw Error(ExitCode::kBadInput, json_path.string() + ": a picture's name is not UTF-8", "Rename it");
+  WriteJson(json_path, json);
+}
+
+void WriteBlenderTransforms(const fs::path& json_path, const Scene& scene) {
+  const bool is_shared = IsShared(scene);
+  Json json;
+  if (is_shared) {
+    const Camera& camera = CameraOf(scene, scene.frames[0]);
+    if (IsStatedByAngle(camera))
+      json["camera_angle_x"] = AngleOfView(camera.width, camera.fl_x);
+    else
+      AddIntrinsics(camera, &json);
   }
-  WriteFileAtomically(json_path, text + "\n");
+  Json& frames = json["frames"] = Json::array();
+  for (const Frame& frame : scene.frames) {
+    PIPELINE_CHECK(frame.image_path.extension() == ".png");
+    Json entry;
+    entry["file_path"] = "./" + RelativePath(json_path, fs::path(frame.image_path).replace_extension());
+    if (!is_shared) AddIntrinsics(CameraOf(scene, frame), &entry);
+    entry["transform_matrix"] = MatrixJson(frame.world_from_cam);
+    frames.push_back(std::move(entry));
+  }
+  WriteJson(json_path, json);
 }
 
 }  // namespace io

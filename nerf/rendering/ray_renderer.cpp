@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "io/base/interrupt.h"
 #include "nerf/rendering/volume_rendering.h"
@@ -14,6 +15,8 @@ constexpr int kRaysPerTask = 512, kStratifiedRays = 64;
 constexpr int kWaveSamples = 4;
 // A sample gets a colour when this much weight has gathered since the last one that did, and stands for it.
 constexpr float kMinColourWeight = 1e-3f;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 struct RayState {
   int index;
@@ -40,10 +43,19 @@ struct Scratch {
   }
 };
 
-// Weight of a sample at t; the ray goes on behind it.
-float Absorb(float opacity, float transmittance, float t, RenderedRay* ray) {
+// Where the transmittance falls to one half within an interval around t, if it does; else what was known.
+float MedianDepth(float before, float behind, float t, float delta, float known) {
+  constexpr float kHalf = 0.5f;
+  if (!(before > kHalf && behind <= kHalf)) return known;
+  const float share = std::log(before / kHalf) / std::log(before / behind);
+  return t + (share - 0.5f) * delta;
+}
+
+// Weight of a sample in an interval around t; the ray goes on behind it.
+float Absorb(float opacity, float transmittance, float t, float delta, RenderedRay* ray) {
   const float weight = ray->transmittance * opacity;
   ray->depth += weight * t;
+  ray->median_depth = MedianDepth(ray->transmittance, transmittance, t, delta, ray->median_depth);
   ray->transmittance = transmittance;
   return weight;
 }
@@ -88,8 +100,11 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
     kernels.exp(n, &scratch->transmittance[begin]);
     for (std::size_t i = begin; i < end; ++i) {
       RayState& state = scratch->active[static_cast<std::size_t>(scratch->active_of[i])];
-      state.gathered +=
-          Absorb(scratch->opacity[i], scratch->transmittance[i], scratch->samples.t[i], &out[state.index]);
+      state.gathered += Absorb(scratch->opacity[i],
+                               scratch->transmittance[i],
+                               scratch->samples.t[i],
+                               scratch->samples.delta[i],
+                               &out[state.index]);
       // Written so that a NaN is shown.
       *wanted++ = scratch->wanted[i] = !(state.gathered < kMinColourWeight);
       if (!scratch->wanted[i]) continue;
@@ -143,7 +158,7 @@ void RenderPruned(const SceneField& scene_field,
     if (limits.crop) Clip(*limits.crop, rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
     const float share = static_cast<float>(i % samples_per_pixel) / static_cast<float>(samples_per_pixel);
     state.t += share * sampler.Delta(step_scale, state.t);
-    out[i] = {{0, 0, 0}, 1, 0};
+    out[i] = {{0, 0, 0}, 1, 0, kInfinity};
     scratch->active.push_back(state);
   }
   while (!scratch->active.empty()) {
@@ -178,7 +193,13 @@ RenderedRay CompositeRay(std::size_t first, std::size_t n, float t_first, float 
   RenderedRay ray = {};
   ray.transmittance = WeightsFromOpacities(static_cast<int>(n), tau, weights);
   CompositeColour(static_cast<int>(n), weights, scratch->rgb.data() + 3 * first, ray.rgb);
-  for (std::size_t i = 0; i < n; ++i) ray.depth += weights[i] * t[i];
+  float behind = 1;
+  ray.median_depth = kInfinity;
+  for (std::size_t i = 0; i < n; ++i) {
+    ray.depth += weights[i] * t[i];
+    const float before = std::exchange(behind, behind - weights[i]);
+    ray.median_depth = MedianDepth(before, behind, t[i], delta[i], ray.median_depth);
+  }
   ray.depth += ray.transmittance * t_last;
   return ray;
 }
@@ -282,6 +303,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
     for (int j = 0; j < 3; ++j) mean.rgb[j] += share * rendered[i].rgb[j];
     mean.transmittance += share * rendered[i].transmittance;
     mean.depth += share * rendered[i].depth;
+    mean.median_depth += share * rendered[i].median_depth;
   }
   return means;
 }

@@ -50,8 +50,6 @@ float At(const std::vector<float>& values, int width, int height, float x, float
          v * ((1 - u) * value(x0, y1) + u * value(x1, y1));
 }
 
-double PixelAngle(const io::Camera& camera) { return 1 / std::sqrt(camera.fl_x * camera.fl_y); }
-
 float LargestAngle(const std::vector<Vector3d>& directions) {
   double least_cosine = 1;
   for (std::size_t i = 0; i < directions.size(); ++i) {
@@ -62,6 +60,8 @@ float LargestAngle(const std::vector<Vector3d>& directions) {
 }
 
 }  // namespace
+
+double PixelAngle(const io::Camera& camera) { return 1 / std::sqrt(camera.fl_x * camera.fl_y); }
 
 io::Camera SmallCamera(const io::Camera& camera, int side) {
   const double scale = std::min(1.0, static_cast<double>(side) / std::max(camera.width, camera.height));
@@ -191,6 +191,14 @@ ViewSupport SupportMap::ObservedIn(const io::Camera& camera,
     }
   });
   return support;
+}
+
+int SupportMap::ViewsOf(const Vector3d& point, const Vector3d& centre, double pixel_angle) const {
+  return static_cast<int>(std::count_if(views_.begin(), views_.end(), [&](const SeenDepth& view) {
+    bool supports, observes;
+    Look(view, {point, centre, pixel_angle}, &supports, &observes);
+    return supports;
+  }));
 }
 
 void VeilUnobserved(const ViewSupport& support,

@@ -37,6 +37,10 @@ class SupportMap {
                          const RenderedView& view,
                          int threads) const;
 
+  // Number of views that support a point which a picture with pixels of `pixel_angle` radians, taken from
+  // `centre`, shows.
+  int ViewsOf(const Eigen::Vector3d& point, const Eigen::Vector3d& centre, double pixel_angle) const;
+
   static constexpr int kMaxSide = 128;
   // A depth agrees with another within so many pixels' footprints: half for the pixel that is looked up, as
   // much for the one that looks, and two for a surface at a slant of 60 degrees and the sampling interval,
@@ -75,6 +79,9 @@ void VeilUnobserved(const ViewSupport& support,
                     const std::array<float, 3>& tone,
                     bool is_cropped,
                     RenderedView* view);
+
+// Radians across a pixel in the middle of the picture.
+double PixelAngle(const io::Camera& camera);
 
 // The camera for a picture of at most `side` pixels.
 io::Camera SmallCamera(const io::Camera& camera, int side);

@@ -39,6 +39,7 @@ class CheckpointTrainedField : public TrainedField {
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }
         view.depth.push_back(ray.depth);
+        view.median_depth.push_back(ray.median_depth);
         view.opacity.push_back(1.f - ray.transmittance);
       }
       band.clear();

@@ -32,6 +32,9 @@ struct RenderedView {
   std::vector<float> rgb;      // [height][width][3], sRGB in [0, 1], background included
   std::vector<float> depth;    // [height][width], expected depth along the ray in scene units
   std::vector<float> opacity;  // [height][width], sum of weights
+  // [height][width], distance at which half of a ray's light is absorbed; infinite where less is. The place
+  // of the surface, with one ray per pixel; expected depth mixes what is before and behind an edge.
+  std::vector<float> median_depth = {};
 };
 
 class TrainedField {

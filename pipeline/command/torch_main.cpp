@@ -1,5 +1,5 @@
-// `pipeline-torch <stage> ...`: the stages with LibTorch. Users start `pipeline <stage>`, which comes here
-// when it must.
+// `pipeline-torch <stage> ...`: the programs that render, with LibTorch. Users start `pipeline <stage>`,
+// which comes here when it must.
 #include <cstdio>
 #include <cstring>
 
@@ -7,6 +7,7 @@
 #include "io/base/parallel.h"
 #include "nerf/fields/mlp.h"
 #include "nerf/fields/torch_mlp.h"
+#include "pipeline/export/export.h"
 #include "pipeline/stages/stages.h"
 
 namespace {
@@ -15,8 +16,10 @@ struct Stage {
   const char* name;
   int (*run)(int argc, const char* const* argv);
 };
-constexpr Stage kStages[] = {
-    {"train", pipeline::RunTrain}, {"evaluate", pipeline::RunEvaluate}, {"render", pipeline::RunRender}};
+constexpr Stage kStages[] = {{"train", pipeline::RunTrain},
+                             {"evaluate", pipeline::RunEvaluate},
+                             {"render", pipeline::RunRender},
+                             {"export", pipeline::RunExport}};
 
 // For `pipeline doctor`: what is linked, and how fast it is here.
 void PrintVersion() {

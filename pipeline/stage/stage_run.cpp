@@ -14,6 +14,7 @@
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
 #include "io/base/resource_meter.h"
+#include "pipeline/stage/hash_tree.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stage/versions.h"
@@ -28,21 +29,6 @@ namespace fs = std::filesystem;
 
 // File names need not be UTF-8; JSON must be.
 std::string Dump(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace); }
-
-// Path -> content hash of every regular file below `path` (or of the file itself), except below `skipped`.
-void HashTree(const fs::path& path, const fs::path& skipped, std::map<std::string, std::string>* hashes) {
-  const fs::path root = fs::absolute(path).lexically_normal();
-  try {
-    if (fs::is_regular_file(root)) (*hashes)[root.string()] = io::HashFile(root);
-    if (!fs::is_directory(root)) return;
-    for (auto it = fs::recursive_directory_iterator(root); it != fs::recursive_directory_iterator(); ++it) {
-      if (it->is_directory() && it->path() == skipped) it.disable_recursion_pending();
-      if (it->is_regular_file()) (*hashes)[it->path().string()] = io::HashFile(it->path());
-    }
-  } catch (const fs::filesystem_error& error) {
-    throw Error(ExitCode::kBadInput, error.what());
-  }
-}
 
 // Of all members of a record but the hash itself.
 std::string HashOfRecord(Json record) {

@@ -9,8 +9,9 @@ namespace pipeline {
 namespace {
 
 using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
 
-[[noreturn]] void Reject(const std::filesystem::path& path, const std::string& why) {
+[[noreturn]] void Reject(const fs::path& path, const std::string& why) {
   throw io::Error(io::ExitCode::kBadState, path.string() + ": " + why, "Run pipeline train again");
 }
 
@@ -22,15 +23,21 @@ Json Hashes(const Json& record, const char* key) {
 
 }  // namespace
 
-void RequireTrainedOnThisScene(const StageRun& stage, const std::filesystem::path& checkpoint) {
-  const std::filesystem::path& run = stage.run_folder();
-  const Json record = ReadStageRecord(run, "train"), outputs = Hashes(record, "outputs");
+void RequireTrainedOnThisScene(const StageRun& stage, const fs::path& checkpoint) {
+  RequireTrainedOnThisScene(stage.run_folder(), stage.input_hashes(), checkpoint);
+}
+
+void RequireTrainedOnThisScene(const fs::path& run_folder,
+                               const std::map<std::string, std::string>& input_hashes,
+                               const fs::path& checkpoint) {
+  const Json record = ReadStageRecord(run_folder, "train"), outputs = Hashes(record, "outputs");
   const auto recorded = outputs.find(checkpoint.filename().string());
-  if (recorded == outputs.end() || *recorded != stage.InputHash(checkpoint))
+  if (recorded == outputs.end() ||
+      *recorded != input_hashes.at(fs::absolute(checkpoint).lexically_normal().string()))
     Reject(checkpoint, "is not the checkpoint that `train` wrote in this run folder");
   const Json inputs = Hashes(record, "inputs");
-  for (const auto& [path, hash] : stage.input_hashes()) {
-    const auto trained = inputs.find(std::filesystem::path(path).lexically_relative(run).string());
+  for (const auto& [path, hash] : input_hashes) {
+    const auto trained = inputs.find(fs::path(path).lexically_relative(run_folder).string());
     if (trained != inputs.end() && *trained != hash)
       Reject(path, "differs from what train/checkpoint.bin was trained on");
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "io/scene/scene.h"
@@ -39,6 +40,7 @@ class SphereField : public nerf::TrainedField {
         for (const float tint : {1.f, 0.8f, 0.6f})
           view.rgb.push_back(hit ? base * tint + shade_ : base + shade_);
         view.depth.push_back(static_cast<float>(t));
+        view.median_depth.push_back(hit ? static_cast<float>(t) : std::numeric_limits<float>::infinity());
         view.opacity.push_back(hit ? 1.f : 0.f);
       }
     }

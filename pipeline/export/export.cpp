@@ -1,0 +1,145 @@
+#include "pipeline/export/export.h"
+
+#include <cstdio>
+#include <vector>
+
+#include "io/base/error.h"
+#include "io/base/quoting.h"
+#include "pipeline/export/cameras_export.h"
+#include "pipeline/export/dense_surface.h"
+#include "pipeline/export/depth_export.h"
+#include "pipeline/export/export_place.h"
+#include "pipeline/export/points_export.h"
+#include "pipeline/export/splats_export.h"
+#include "pipeline/stage/common_options.h"
+#include "pipeline/stage/guarded_main.h"
+#include "pipeline/stage/options.h"
+#include "pipeline/stages/torch_program.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using io::Error;
+using io::ExitCode;
+
+struct ExportOptions {
+  fs::path run, cameras, points, depth, splats;
+  FrameOptions frame;
+  SurfaceOptions surface;
+  CommonOptions common;
+
+  bool NeedsSurface() const { return !points.empty() || !splats.empty(); }
+  bool NeedsField() const { return NeedsSurface() || !depth.empty(); }
+};
+
+// Whether an export is one file or a folder.
+struct Target {
+  const char* option;
+  fs::path ExportOptions::*path;
+  bool is_file;
+};
+constexpr Target kTargets[] = {{"cameras", &ExportOptions::cameras, false},
+                               {"points", &ExportOptions::points, true},
+                               {"depth", &ExportOptions::depth, false},
+                               {"splats", &ExportOptions::splats, true}};
+
+void AddExportOptions(Options* options, ExportOptions* to) {
+  options->AddPositional("RUN", &to->run, "run folder", true);
+  options->Add(
+      "cameras", &to->cameras, "FOLDER: poses, pictures, sparse points for COLMAP, nerfstudio, NeRF");
+  options->Add("points", &to->points, "FILE.ply: points of the surface, with normal, colour and support");
+  options->Add("depth", &to->depth, "FOLDER: depth, normals and support of every view");
+  options->Add("splats", &to->splats, "FILE.ply: the surface as 3D Gaussians, not optimised");
+  options->Add("frame",
+               &to->frame.frame,
+               "coordinates: as normalised, or as the poses came",
+               {.choices = {"scene", "sfm"}});
+  options->Add(
+      "points-apart",
+      &to->frame.points_apart,
+      "x,y,z,x,y,z=METRES: two points of known distance, in those coordinates; all is then written in "
+      "metres",
+      {.check = [](const std::string& name, const std::string& text) { ParsePointsApart(name, text); }});
+  options->Add("max-points", &to->surface.max_points, "most points and splats", {.min = 1, .max = 1e8});
+  options->Add("view-size",
+               &to->surface.view_size,
+               "longer side of the views that points and splats come from [px]; 0 = of the training pictures",
+               {.min = 0, .max = 16384});
+  options->Add("threads", &to->common.threads, "worker threads; 0 = all cores", {.min = 0});
+  options->Add("force", &to->common.force, "replace a file that this program did not write");
+}
+
+// Refuses, before any work, places that must not be written and exports that would lie in one another.
+void CheckTargets(const ExportOptions& options) {
+  std::vector<const Target*> given;
+  for (const Target& target : kTargets) {
+    const fs::path& path = options.*target.path;
+    if (path.empty()) continue;
+    given.push_back(&target);
+    if (target.is_file)
+      RequireExportFile(path, options.run, options.common.force);
+    else
+      RequireExportFolder(path, options.run);
+  }
+  if (given.empty())
+    throw Error(ExitCode::kUsage,
+                "nothing to export",
+                "Give --cameras FOLDER, --points FILE.ply, --depth FOLDER or --splats FILE.ply");
+  for (const Target* outer : given) {
+    for (const Target* inner : given) {
+      if (outer != inner && IsWithin(options.*inner->path, options.*outer->path))
+        throw Error(ExitCode::kUsage,
+                    std::string("--") + inner->option + ": " + (options.*inner->path).string() +
+                        " lies in that of --" + outer->option,
+                    "Give each export a place of its own");
+    }
+  }
+}
+
+void Say(const char* what, const fs::path& path, const std::string& note = "") {
+  std::printf("%-7s %s%s\n", what, io::Printable(path.string()).c_str(), note.c_str());
+}
+
+void Export(const ExportOptions& options) {
+  const ExportedScene scene =
+      LoadExportedScene(options.run, options.frame, options.NeedsField(), ResolvedThreads(options.common));
+  if (!options.cameras.empty()) {
+    ExportCameras(scene, options.cameras);
+    Say("cameras", options.cameras, "  " + std::to_string(ViewsOf(scene).size()) + " views");
+  }
+  if (!options.depth.empty()) {
+    ExportDepth(scene, options.depth);
+    Say("depth", options.depth, "  " + std::to_string(ViewsOf(scene).size()) + " views");
+  }
+  if (!options.NeedsSurface()) return;
+  const std::vector<Surfel> surfels = DenseSurface(scene, options.surface);
+  const std::string note = "  " + std::to_string(surfels.size()) + " points";
+  if (!options.points.empty()) {
+    ExportPoints(surfels, scene.target, options.points);
+    Say("points", options.points, note);
+  }
+  if (!options.splats.empty()) {
+    ExportSplats(surfels, scene.target, options.splats);
+    Say("splats", options.splats, note);
+  }
+}
+
+}  // namespace
+
+int RunExport(int argc, const char* const* argv) {
+  return GuardedMain("pipeline export", [&] {
+    ExportOptions options;
+    Options bound(
+        "pipeline export",
+        "Writes a run for other programs: cameras, points, depth maps, splats; any of them in one call.");
+    AddExportOptions(&bound, &options);
+    if (!bound.Parse(argc, argv)) return;
+    CheckTargets(options);
+    if (options.NeedsField() && NeedsTorch(options.run / "train/checkpoint.bin"))
+      ContinueWithTorch("export", argc, argv);
+    Export(options);
+  });
+}
+
+}  // namespace pipeline

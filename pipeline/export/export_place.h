@@ -1,0 +1,40 @@
+// Where exports go, and what they may replace: a folder must be new, empty or an earlier export; a file must
+// be new or an earlier export, unless the user insists. Nothing goes into the run folder.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "pipeline/export/target_frame.h"
+
+namespace pipeline {
+
+// A comment line in the head of the files that we write, which tells them from those of others.
+inline constexpr char kExportComment[] = "comment written by pipeline export\n";
+
+// Throws kBadInput or kUsage when `file` may not be written, naming the rule.
+void RequireExportFile(const std::filesystem::path& file,
+                       const std::filesystem::path& run_folder,
+                       bool force);
+void RequireExportFolder(const std::filesystem::path& folder, const std::filesystem::path& run_folder);
+
+// Whether `path` is `folder` or would lie in it, symbolic links resolved as far as the paths exist.
+bool IsWithin(const std::filesystem::path& path, const std::filesystem::path& folder);
+
+// A folder that appears under its name when it is complete.
+class ExportFolder {
+ public:
+  explicit ExportFolder(const std::filesystem::path& target);
+  ~ExportFolder();  // removes what was not committed
+  ExportFolder(const ExportFolder&) = delete;
+  ExportFolder& operator=(const ExportFolder&) = delete;
+
+  const std::filesystem::path& path() const { return partial_; }  // write here
+  // Writes export.json, which says what the folder is and in which frame, and replaces the earlier export.
+  void Commit(const std::string& kind, const TargetFrame& frame);
+
+ private:
+  const std::filesystem::path target_, partial_;
+};
+
+}  // namespace pipeline

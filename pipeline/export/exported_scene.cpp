@@ -1,0 +1,69 @@
+#include "pipeline/export/exported_scene.h"
+
+#include <map>
+
+#include "io/base/error.h"
+#include "io/scene/transforms.h"
+#include "pipeline/stage/hash_tree.h"
+#include "pipeline/stages/trained_scene.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+void RequireFile(const fs::path& path, const std::string& command) {
+  if (!fs::is_regular_file(path))
+    throw io::Error(io::ExitCode::kBadInput, path.string() + ": no such file", "Run " + command + " first");
+}
+
+// `normalize` puts pictures into images/, or train/ and test/ where the split was given.
+std::string NameOf(const fs::path& scene_folder, const fs::path& picture) {
+  const fs::path relative = picture.lexically_normal().lexically_relative(scene_folder);
+  const fs::path name = *relative.begin() == "images" ? relative.lexically_relative("images") : relative;
+  return name.generic_string();
+}
+
+}  // namespace
+
+ExportedScene LoadExportedScene(const fs::path& run_folder,
+                                const FrameOptions& frame,
+                                bool with_field,
+                                int threads) {
+  const fs::path run = fs::absolute(run_folder / "").lexically_normal().parent_path();
+  const fs::path train = run / "scene/transforms_train.json", test = run / "scene/transforms_test.json",
+                 checkpoint = run / "train/checkpoint.bin";
+  RequireFile(train, "pipeline normalize, or pipeline run,");
+  ExportedScene scene;
+  scene.folder = run / "scene";
+  scene.threads = threads;
+  if (with_field) {
+    RequireFile(checkpoint, "pipeline train");
+    std::map<std::string, std::string> hashes;
+    for (const fs::path& input : {scene.folder, checkpoint}) HashTree(input, {}, &hashes);
+    RequireTrainedOnThisScene(run, hashes, checkpoint);
+  }
+  scene.train = io::ReadTransforms(train).scene;
+  if (fs::is_regular_file(test)) scene.test = io::ReadTransforms(test).scene;
+  scene.target = MakeTargetFrame(frame, scene.train.scene_from_sfm);
+  if (with_field) {
+    scene.field = nerf::TrainedField::Load(checkpoint);
+    scene.support = std::make_unique<nerf::SupportMap>(*scene.field, scene.train, threads);
+  }
+  return scene;
+}
+
+std::vector<ExportedView> ViewsOf(const ExportedScene& scene) {
+  std::vector<ExportedView> views;
+  for (const io::Scene* part : {&scene.train, &scene.test}) {
+    for (const io::Frame& frame : part->frames) {
+      views.push_back({&part->cameras[static_cast<std::size_t>(frame.camera_index)],
+                       &frame,
+                       NameOf(scene.folder, frame.image_path),
+                       part == &scene.test});
+    }
+  }
+  return views;
+}
+
+}  // namespace pipeline
