@@ -23,9 +23,7 @@ class CheckpointTrainedField : public TrainedField {
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
     const int samples_per_pixel =
         options.samples_per_pixel > 0 ? options.samples_per_pixel : scene_field_->samples_per_pixel;
-    const float step_scale = options.step_scale > 0  ? options.step_scale
-                             : samples_per_pixel > 1 ? 0.7f
-                                                     : 0.5f;
+    const float step_scale = options.step_scale > 0 ? options.step_scale : FinestStepScale(samples_per_pixel);
     const std::array<float, 3> background =
         options.limits.crop ? options.background
                             : scene_field_->Background(state_.channels == 4, options.background);

@@ -12,10 +12,13 @@
 
 namespace nerf {
 
+// Sampling interval, as a share of the one in training, that is worth its time: several rays of a pixel share
+// the work of finding the surface.
+inline float FinestStepScale(int samples_per_pixel) { return samples_per_pixel > 1 ? 0.7f : 0.5f; }
+
 struct RenderOptions {
   int threads = 1;
-  // Sampling interval, as a share of the one in training. 0: what is worth its time, 0.5 with one ray per
-  // pixel, 0.7 with several, which share the work of finding the surface.
+  // Sampling interval, as a share of the one in training. 0: FinestStepScale.
   float step_scale = 0;
   // Rays per pixel: 1, 4, 9, 16, or 0: as the field was trained. Fewer are faster, and jagged.
   int samples_per_pixel = 0;

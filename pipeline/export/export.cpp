@@ -1,5 +1,7 @@
 #include "pipeline/export/export.h"
 
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <vector>
 
@@ -11,6 +13,7 @@
 #include "pipeline/export/export_place.h"
 #include "pipeline/export/points_export.h"
 #include "pipeline/export/splats_export.h"
+#include "pipeline/page/page_export.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
@@ -24,7 +27,7 @@ using io::Error;
 using io::ExitCode;
 
 struct ExportOptions {
-  fs::path run, cameras, points, depth, splats;
+  fs::path run, cameras, points, depth, splats, page;
   FrameOptions frame;
   SurfaceOptions surface;
   CommonOptions common;
@@ -33,16 +36,17 @@ struct ExportOptions {
   bool NeedsField() const { return NeedsSurface() || !depth.empty(); }
 };
 
-// Whether an export is one file or a folder.
+// An export is one file, of a name that ends so, or a folder.
 struct Target {
   const char* option;
   fs::path ExportOptions::*path;
-  bool is_file;
+  const char* extension = nullptr;
 };
-constexpr Target kTargets[] = {{"cameras", &ExportOptions::cameras, false},
-                               {"points", &ExportOptions::points, true},
-                               {"depth", &ExportOptions::depth, false},
-                               {"splats", &ExportOptions::splats, true}};
+constexpr Target kTargets[] = {{"cameras", &ExportOptions::cameras},
+                               {"points", &ExportOptions::points, ".ply"},
+                               {"depth", &ExportOptions::depth},
+                               {"splats", &ExportOptions::splats, ".ply"},
+                               {"page", &ExportOptions::page, ".html"}};
 
 void AddExportOptions(Options* options, ExportOptions* to) {
   options->AddPositional("RUN", &to->run, "run folder", true);
@@ -51,6 +55,7 @@ void AddExportOptions(Options* options, ExportOptions* to) {
   options->Add("points", &to->points, "FILE.ply: points of the surface, with normal, colour and support");
   options->Add("depth", &to->depth, "FOLDER: depth, normals and support of every view");
   options->Add("splats", &to->splats, "FILE.ply: the surface as 3D Gaussians, not optimised");
+  options->Add("page", &to->page, "FILE.html: the field to look around in, in any browser and offline");
   options->Add("frame",
                &to->frame.frame,
                "coordinates: as normalised, or as the poses came",
@@ -77,15 +82,16 @@ void CheckTargets(const ExportOptions& options) {
     const fs::path& path = options.*target.path;
     if (path.empty()) continue;
     given.push_back(&target);
-    if (target.is_file)
-      RequireExportFile(path, options.run, options.common.force);
+    if (target.extension)
+      RequireExportFile(path, target.extension, options.run, options.common.force);
     else
       RequireExportFolder(path, options.run);
   }
   if (given.empty())
-    throw Error(ExitCode::kUsage,
-                "nothing to export",
-                "Give --cameras FOLDER, --points FILE.ply, --depth FOLDER or --splats FILE.ply");
+    throw Error(
+        ExitCode::kUsage,
+        "nothing to export",
+        "Give --cameras FOLDER, --points FILE.ply, --depth FOLDER, --splats FILE.ply or --page FILE.html");
   for (const Target* outer : given) {
     for (const Target* inner : given) {
       if (outer != inner && IsWithin(options.*inner->path, options.*outer->path))
@@ -107,6 +113,11 @@ void Export(const ExportOptions& options) {
   if (!options.cameras.empty()) {
     ExportCameras(scene, options.cameras);
     Say("cameras", options.cameras, "  " + std::to_string(ViewsOf(scene).size()) + " views");
+  }
+  if (!options.page.empty()) {
+    const std::size_t bytes =
+        ExportPage(scene.train, RequireTrainedField(options.run), scene.name, options.page);
+    Say("page", options.page, fmt::format("  {:.1f} MB", static_cast<double>(bytes) / 1e6));
   }
   if (!options.depth.empty()) {
     ExportDepth(scene, options.depth);
@@ -130,13 +141,15 @@ void Export(const ExportOptions& options) {
 int RunExport(int argc, const char* const* argv) {
   return GuardedMain("pipeline export", [&] {
     ExportOptions options;
-    Options bound(
-        "pipeline export",
-        "Writes a run for other programs: cameras, points, depth maps, splats; any of them in one call.");
+    Options bound("pipeline export",
+                  "Writes a run for other programs: cameras, points, depth maps, splats, a page for "
+                  "browsers; any of them in "
+                  "one call.");
     AddExportOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
     CheckTargets(options);
-    if (options.NeedsField() && NeedsTorch(options.run / "train/checkpoint.bin"))
+    const bool reads_field = options.NeedsField() || !options.page.empty();
+    if (reads_field && NeedsTorch(options.run / "train/checkpoint.bin"))
       ContinueWithTorch("export", argc, argv);
     Export(options);
   });

@@ -51,7 +51,7 @@ void RequireWritablePlace(const fs::path& target) {
 bool IsOurFile(const fs::path& file) {
   std::string head(256, '\0');
   std::ifstream(file, std::ios::binary).read(head.data(), static_cast<std::streamsize>(head.size()));
-  return head.find(kExportComment) != std::string::npos;
+  return head.find(kExportMark) != std::string::npos;
 }
 
 // What killed exports to this target left; those of living processes stay.
@@ -81,11 +81,14 @@ bool IsWithin(const fs::path& path, const fs::path& folder) {
   return !relative.empty() && *relative.begin() != "..";
 }
 
-void RequireExportFile(const fs::path& file, const fs::path& run_folder, bool force) {
+void RequireExportFile(const fs::path& file,
+                       const std::string& extension,
+                       const fs::path& run_folder,
+                       bool force) {
   RequireOutside(file, run_folder);
   RequireWritablePlace(file);
-  if (file.extension() != ".ply")
-    throw Error(ExitCode::kUsage, file.string() + ": is not named .ply", "Choose such a name");
+  if (file.extension() != extension)
+    throw Error(ExitCode::kUsage, file.string() + ": is not named " + extension, "Choose such a name");
   if (!fs::exists(fs::symlink_status(file))) return;
   if (!fs::is_regular_file(file)) RefuseToReplace(file, "It is no file: choose another name");
   if (!force && !IsOurFile(file)) RefuseToReplace(file, "Choose another name, or --force");

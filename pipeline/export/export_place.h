@@ -9,11 +9,13 @@
 
 namespace pipeline {
 
-// A comment line in the head of the files that we write, which tells them from those of others.
+// In the head of every file that we write, which tells it from those of others; as a comment line of PLY.
+inline constexpr char kExportMark[] = "written by pipeline export";
 inline constexpr char kExportComment[] = "comment written by pipeline export\n";
 
 // Throws kBadInput or kUsage when `file` may not be written, naming the rule.
 void RequireExportFile(const std::filesystem::path& file,
+                       const std::string& extension,
                        const std::filesystem::path& run_folder,
                        bool force);
 void RequireExportFolder(const std::filesystem::path& folder, const std::filesystem::path& run_folder);

@@ -14,6 +14,7 @@
 namespace pipeline {
 
 struct ExportedScene {
+  std::string name;                           // of the run
   std::filesystem::path folder;               // <run>/scene
   io::Scene train, test;                      // in scene coordinates; test may be without frames
   std::unique_ptr<nerf::TrainedField> field;  // null: not asked for
@@ -28,6 +29,9 @@ ExportedScene LoadExportedScene(const std::filesystem::path& run_folder,
                                 const FrameOptions& frame,
                                 bool with_field,
                                 int threads);
+
+// The run's checkpoint. Throws kBadInput when there is none, kBadState when it was trained on another scene.
+std::filesystem::path RequireTrainedField(const std::filesystem::path& run_folder);
 
 struct ExportedView {
   const io::Camera* camera;

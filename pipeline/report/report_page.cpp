@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "io/base/atomic_file.h"
+#include "io/base/base64.h"
 #include "io/base/progress.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
@@ -21,22 +22,6 @@ namespace {
 constexpr int kMaxPictureWidth = 480;
 constexpr std::size_t kOpenFigures = 4;  // the others are folded away
 constexpr std::size_t kPlainRows = 12;   // longer lists are folded away
-
-std::string Base64(const std::string& bytes) {
-  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve(bytes.size() / 3 * 4 + 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t bits = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      bits = bits << 8 | (i + k < bytes.size() ? static_cast<std::uint8_t>(bytes[i + k]) : 0);
-    }
-    for (std::size_t k = 0; k < 4; ++k) {
-      text += i + k <= bytes.size() ? kDigits[bits >> (18 - 6 * k) & 63] : '=';
-    }
-  }
-  return text;
-}
 
 std::string Soft(const std::string& text) { return "<p class=\"soft\">" + EscapeHtml(text) + "</p>\n"; }
 
@@ -82,7 +67,7 @@ std::string Headlines(const ReportData& data) {
 
 std::string VideoElement(const std::filesystem::path& mp4, const char* more) {
   return std::string("<video controls muted loop playsinline ") + more + " src=\"data:video/mp4;base64," +
-         Base64(io::ReadFile(mp4)) + "\"></video>\n";
+         io::Base64(io::ReadFile(mp4)) + "\"></video>\n";
 }
 
 // A picture as a JPEG inside the page.
@@ -93,7 +78,7 @@ std::string PictureElement(const std::filesystem::path& path, const std::string&
   const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(height + 0.5)));
   const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
   return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
-         Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
+         io::Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
 }
 
 // The colours of turbo from left to right, between the captions of both ends.
@@ -104,7 +89,7 @@ std::string Scale(const std::string& low, const std::string& high) {
   const std::vector<std::uint8_t> png =
       io::EncodeImage(io::ApplyColourMap(levels, kLevels, 1, io::ColourMap::kTurbo), ".png");
   return "<span class=\"scale\">" + low + " <img alt=\"blue to red\" src=\"data:image/png;base64," +
-         Base64(std::string(png.begin(), png.end())) + "\"> " + high + "</span>";
+         io::Base64(std::string(png.begin(), png.end())) + "\"> " + high + "</span>";
 }
 
 std::string SupportPart(const ReportData& data) {

@@ -1,4 +1,5 @@
-// How hands move the view: mouse, touch, wheel and keys.
+// How hands move the view: mouse, touch, wheel and keys. The page around it says what follows, by moved(), leavePhoto()
+// and click(event), and has a slider for the angle of view.
 
 function orbit(dx, dy) {
   leavePhoto();
@@ -105,8 +106,7 @@ picture.addEventListener('keydown', (event) => {
     held.add(key);
     fly();
   } else if (key === 'r') show(home);
-  else if (key === 'k') addKey();
-  else if (key === 'p') play();
+  else keyActions[key]?.();
 });
 picture.addEventListener('keyup', (event) => held.delete(event.key.toLowerCase()));
 picture.addEventListener('blur', () => held.clear());

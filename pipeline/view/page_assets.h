@@ -5,6 +5,6 @@ namespace pipeline {
 
 extern const char kViewPage[];    // page.html; {{STYLE}}, {{SCRIPT}} and {{NONCE}} are to be filled in
 extern const char kViewStyle[];   // page.css
-extern const char kViewScript[];  // picture.js, controls.js, crop.js, panel.js
+extern const char kViewScript[];  // vectors.js, picture.js, controls.js, crop.js, panel.js
 
 }  // namespace pipeline

@@ -97,6 +97,7 @@ async function play() {
   byId('play').textContent = 'Play';
 }
 
+Object.assign(keyActions, { k: addKey, p: play });
 byId('add').addEventListener('click', addKey);
 byId('play').addEventListener('click', play);
 byId('save').addEventListener('click', async () => {

@@ -1,20 +1,9 @@
-'use strict';
-// Vectors are arrays of three; a view is {x, y, z: camera axes in the scene (OpenGL: z looks back), at: place, fov}.
+// What is shown, and how it comes from the server.
 const token = new URLSearchParams(location.search).get('token') || '';
-const byId = (id) => document.getElementById(id);
-const picture = byId('picture'), overlay = byId('overlay');
+const overlay = byId('overlay');
 const viewer = Math.random().toString(36).slice(2);
 
-const add = (a, b, s = 1) => a.map((v, i) => v + s * b[i]);
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = (a) => { const n = Math.hypot(...a); return a.map((v) => v / n); };
-const turned = (v, axis, angle) => {  // Rodrigues
-  const c = Math.cos(angle), s = Math.sin(angle), k = dot(axis, v) * (1 - c), w = cross(axis, v);
-  return v.map((value, i) => value * c + w[i] * s + axis[i] * k);
-};
-
-let scene = null, view = null, home = null, pivot = null, state = null;
+let state = null;
 let sequence = 0, shown = null, shownVersion = -1, area = 40000;
 let level = 2, dirty = false, refreshing = false, restAbort = null, movedAt = 0;
 let photo = null, keys = [], path = null, pathSaved = false;
@@ -67,7 +56,6 @@ async function fetchFrame(quality) {
 }
 
 const budget = () => (state ? state.budget_ms : 80);
-const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
 function moved() {
   dirty = true;
@@ -133,12 +121,6 @@ function project(point) {
   if (z <= 1e-3) return null;
   const focal = overlay.height / 2 / Math.tan(view.fov / 2);
   return [overlay.width / 2 + focal * dot(d, view.x) / z, overlay.height / 2 - focal * dot(d, view.y) / z];
-}
-
-function viewOf(camera) {
-  const m = camera.pose;
-  return { x: [m[0], m[4], m[8]], y: [m[1], m[5], m[9]], z: [m[2], m[6], m[10]], at: [m[3], m[7], m[11]],
-    fov: 2 * Math.atan(camera.height / 2 / camera.focal) };
 }
 
 function drawOverlay() {

@@ -7,7 +7,6 @@
 
 #include "io/base/error.h"
 #include "io/image/image.h"
-#include "nerf/rendering/capture_geometry.h"
 #include "nerf/training/training_curve.h"
 #include "pipeline/stages/camera_path_file.h"
 #include "pipeline/stages/training_watch.h"
@@ -48,8 +47,6 @@ ViewLayer ParseLayer(const std::string& text) {
   throw io::Error(io::ExitCode::kBadInput, "layer: is not colour, depth or support");
 }
 
-Json VectorJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
 Json CurveJson(const fs::path& path) {
   const nerf::CurveColumns curve = nerf::ReadTrainingCurve(path);
   Json rows = Json::array();
@@ -77,27 +74,6 @@ FrameRequest ParseFrameRequest(const Parameters& parameters) {
   request.quality = static_cast<ViewQuality>(static_cast<int>(number("quality", 0, 2)));
   if (const std::string crop = parameters("crop"); !crop.empty()) request.crop = ParseCrop(crop, "crop");
   return request;
-}
-
-Json SceneJson(const LiveRun::Content& content, const std::string& run_name) {
-  const io::Scene& scene = *content.scene;
-  const nerf::CaptureGeometry capture = nerf::MeasureCapture(scene);
-  Json json = {{"name", run_name},
-               {"focus", VectorJson(capture.focus)},
-               {"up", VectorJson(capture.up)},
-               {"depth", capture.depth},
-               {"cameras", Json::array()}};
-  for (const io::Frame& frame : scene.frames) {
-    const io::Camera& camera = scene.cameras.at(static_cast<std::size_t>(frame.camera_index));
-    json["cameras"].push_back({{"name", frame.image_path.filename().string()},
-                               {"pose", RowsOf(frame.world_from_cam)},
-                               {"width", camera.width},
-                               {"height", camera.height},
-                               {"focal", camera.fl_y},
-                               {"cx", camera.cx},
-                               {"cy", camera.cy}});
-  }
-  return json;
 }
 
 Json StateJson(const LiveRun& run) {

@@ -20,9 +20,6 @@ FrameRequest ParseFrameRequest(const Parameters& parameters);
 inline constexpr int kMaxViewSide = 4096;
 inline constexpr int kMaxViewPixels = 3840 * 2160;
 
-// The cameras of the scene, the point that they look at, and what is up.
-nlohmann::ordered_json SceneJson(const LiveRun::Content& content, const std::string& run_name);
-
 // Tells a training that somebody looks.
 nlohmann::ordered_json StateJson(const LiveRun& run);
 

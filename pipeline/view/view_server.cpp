@@ -11,6 +11,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
+#include "pipeline/stages/scene_json.h"
 #include "pipeline/stages/training_watch.h"
 #include "pipeline/view/page_assets.h"
 #include "pipeline/view/view_answers.h"
@@ -148,7 +149,7 @@ void ViewServer::Serving::Route() {
   server.Get("/scene", [this](const Request&, Response& response) {
     const LiveRun::Content content = run->Now();
     if (!content.scene) return Refuse(404, "no poses yet", &response);
-    Send(SceneJson(content, run->run_folder().filename().string()), &response);
+    Send(SceneJson(*content.scene, run->run_folder().filename().string()), &response);
   });
   server.Get("/state", [this](const Request&, Response& response) { Send(StateJson(*run), &response); });
   server.Get("/frame", [this](const Request& request, Response& response) { SendFrame(request, &response); });

@@ -35,7 +35,9 @@ constexpr int kReads = 3, kWrites = 4;
          "chromium",
          "--headless=new",
          "--no-sandbox",
-         "--disable-gpu",
+         "--use-gl=angle",  // WebGL in software, the same on every machine
+         "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader",
          "--disable-dev-shm-usage",
          "--remote-debugging-pipe",
          folder.c_str(),
@@ -141,6 +143,10 @@ void Browser::Key(const std::string& key, const std::string& type) {
 
 void Browser::Screenshot(const std::filesystem::path& png) {
   const std::string base64 = Call("Page.captureScreenshot", {{"format", "png"}})["data"];
+  WriteText(png, FromBase64(base64));
+}
+
+std::string FromBase64(const std::string& base64) {
   std::string bytes;
   unsigned bits = 0;
   int n_bits = 0;
@@ -151,5 +157,5 @@ void Browser::Screenshot(const std::filesystem::path& png) {
     bits = bits << 6 | static_cast<unsigned>(value);
     if ((n_bits += 6) >= 8) bytes += static_cast<char>(bits >> (n_bits -= 8));
   }
-  WriteText(png, bytes);
+  return bytes;
 }

@@ -32,3 +32,5 @@ class Browser {
   int pid_ = 0, to_ = -1, from_ = -1, id_ = 0;
   std::string session_, received_;
 };
+
+std::string FromBase64(const std::string& base64);

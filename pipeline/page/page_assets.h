@@ -1,0 +1,12 @@
+// The page that plays a scene, which the build embeds.
+#pragma once
+
+namespace pipeline {
+
+extern const char kScenePage[];       // page.html; its {{NAMES}} are to be filled in
+extern const char kScenePageStyle[];  // page.css
+extern const char
+    kScenePageScript[];  // view/vectors.js, payload.js, renderer.js, view/controls.js, player.js
+extern const char kScenePageShader[];  // field.glsl
+
+}  // namespace pipeline

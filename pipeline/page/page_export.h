@@ -1,0 +1,22 @@
+// Writes the page that plays a scene: one HTML file, complete in itself, for any browser with WebGL 2.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "io/scene/scene.h"
+
+namespace pipeline {
+
+// Larger pages take phones too long to open, or too much of their memory.
+inline constexpr std::size_t kMaxPageBytes = 40 << 20;
+
+// The view starts at the first camera of `train`. Returns the size of the file in bytes. Throws kBadInput for
+// a field of another kind than `hash`, kBadState for a damaged checkpoint, kNoResources for a page that would
+// be too large or a full disk.
+std::size_t ExportPage(const io::Scene& train,
+                       const std::filesystem::path& checkpoint,
+                       const std::string& name,
+                       const std::filesystem::path& file);
+
+}  // namespace pipeline

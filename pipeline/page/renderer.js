@@ -1,0 +1,186 @@
+// The field in WebGL 2: pictures of a view, drawn tile by tile, so that no draw call holds the graphics card up.
+
+// Quality 0 while the view moves, 1 at rest, 2 as the program renders.
+const kQualities = [
+  { least_transmittance: 1e-2, least_weight: 2, step_scale: () => 1, rays: () => 1 },
+  { least_transmittance: 1e-4, least_weight: 0.25, step_scale: () => 1, rays: () => 1 },
+  { least_transmittance: 1e-4, least_weight: 1e-3, step_scale: (space) => space.step_scale, rays: (space) => space.rays_per_pixel },
+];
+const kTileMs = 60, kLeastTile = 24;  // [ms], [px]; smaller tiles are mostly overhead
+const kPresentMs = 100;
+const kTableWidth = 2048;  // every WebGL 2 has textures of that size
+
+const gl = picture.getContext('webgl2', { antialias: false, depth: false, preserveDrawingBuffer: true });
+
+function shaderConstants({ space, grid_resolution, trained_resolution, kept_levels }) {
+  const real = (value) => { const text = String(value); return /[.e]/.test(text) ? text : text + '.0'; };
+  const constants = { TABLE_WIDTH: kTableWidth, TABLE_SHIFT: Math.log2(kTableWidth), TRAINED: trained_resolution,
+    KEPT_LEVELS: kept_levels, GRID: grid_resolution, NEAR: real(space.near), FAR: real(space.far),
+    CENTRE: `vec3(${space.centre.map(real)})`, HALF: real(space.half), UNBOUNDED: space.unbounded,
+    ENDS_AT_INFINITY: space.ends_at_infinity, STEP_SIZE: real(space.step_size), CONE_ANGLE: real(space.cone_angle),
+    BACKGROUND: `vec3(${space.background.map(real)})` };
+  return Object.entries(constants).map(([name, value]) => `#define ${name} ${value}\n`).join('');
+}
+
+function makeProgram(description) {
+  const program = gl.createProgram();
+  const attach = (kind, text) => {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, '#version 300 es\n' + text);
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+    return shader;
+  };
+  // One triangle that covers everything.
+  attach(gl.VERTEX_SHADER, 'void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }');
+  const fragment = attach(gl.FRAGMENT_SHADER, shaderConstants(description) + byId('shader').textContent);
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
+    throw new Error(gl.getShaderInfoLog(fragment) || gl.getProgramInfoLog(program));
+  return program;
+}
+
+function uploadWeights(program, field) {
+  const levels = field.description.levels;
+  const density = new Float32Array(2112 + 8 * 8), words = new Uint32Array(density.buffer);
+  density.set(field.weights.subarray(0, 2112));
+  levels.forEach((level, i) => {
+    words.set([level.resolution, level.hash_mask, level.first_entry, 0], 2112 + 4 * i);
+    density.set(level.scale, 2144 + 4 * i);
+  });
+  const blocks = { Density: density, Features: field.weights.subarray(2112, 2112 + 3328),
+    Colour: field.weights.subarray(5440, 5440 + 4096) };
+  Object.entries(blocks).forEach(([name, values], i) => {
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, i, gl.createBuffer());
+    gl.bufferData(gl.UNIFORM_BUFFER, values, gl.STATIC_DRAW);
+    gl.uniformBlockBinding(program, gl.getUniformBlockIndex(program, name), i);
+  });
+}
+
+function bindTexture(unit, kind) {
+  gl.activeTexture(gl.TEXTURE0 + unit);
+  const texture = gl.createTexture();
+  gl.bindTexture(kind, texture);
+  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(kind, filter, gl.NEAREST);
+  return texture;
+}
+
+function uploadTextures(program, field) {
+  const place = (name, unit) => gl.uniform1i(gl.getUniformLocation(program, name), unit);
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+  bindTexture(0, gl.TEXTURE_2D);
+  const rows = Math.ceil(field.table.length / 4 / kTableWidth), texels = new Uint8Array(rows * kTableWidth * 4);
+  texels.set(field.table);
+  gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, kTableWidth, rows);
+  gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, kTableWidth, rows, gl.RGBA, gl.UNSIGNED_BYTE, texels);
+  place('table', 0);
+  const cells = { march: field.description.grid_resolution, trained: field.description.trained_resolution };
+  Object.entries(cells).forEach(([name, n], i) => {
+    bindTexture(1 + i, gl.TEXTURE_3D);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R8UI, n, n, n);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, n, n, n, gl.RED_INTEGER, gl.UNSIGNED_BYTE, field[name]);
+    place(name, 1 + i);
+  });
+}
+
+// A picture on the graphics card.
+function makeTarget() {
+  return { frame: gl.createFramebuffer(), texture: bindTexture(3, gl.TEXTURE_2D), width: 0, height: 0 };
+}
+
+function resizeTarget(target, width, height) {
+  if (target.width === width && target.height === height) return;
+  gl.activeTexture(gl.TEXTURE3);
+  gl.bindTexture(gl.TEXTURE_2D, target.texture);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target.texture, 0);
+  Object.assign(target, { width, height });
+}
+
+function copyTarget(from, to) {
+  gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from.frame);
+  gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to.frame);
+  gl.disable(gl.SCISSOR_TEST);
+  gl.blitFramebuffer(0, 0, from.width, from.height, 0, 0, to.width, to.height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
+}
+
+// When the graphics card has done what it was told.
+function drawn() {
+  const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+  gl.flush();
+  return new Promise((done) => {
+    const look = () => {
+      if (!gl.isContextLost() && gl.getSyncParameter(sync, gl.SYNC_STATUS) === gl.UNSIGNALED) return setTimeout(look, 1);
+      gl.deleteSync(sync);
+      done();
+    };
+    setTimeout(look, 0);
+  });
+}
+
+class Renderer {
+  constructor(field) {
+    this.space = field.description.space;
+    const program = makeProgram(field.description);
+    gl.useProgram(program);
+    this.uniform = (name) => gl.getUniformLocation(program, name);
+    uploadWeights(program, field);
+    uploadTextures(program, field);
+    this.presented = 0;
+    this.shown = makeTarget();
+    this.next = makeTarget();
+    this.rates = kQualities.map(() => 4);  // pixels per millisecond, as far as is known: slow at first
+  }
+
+  // camera: {x, y, z, at, focal: [x, y], centre: [x, y], width, height} with lengths in pixels
+  aim(camera, quality) {
+    const { least_transmittance, least_weight, step_scale, rays } = kQualities[quality];
+    gl.uniform3fv(this.uniform('origin'), camera.at);
+    gl.uniformMatrix3fv(this.uniform('rotation'), false, [...camera.x, ...camera.y, ...camera.z]);
+    gl.uniform4f(this.uniform('intrinsics'), 1 / camera.focal[0], 1 / camera.focal[1], ...camera.centre);
+    gl.uniform1f(this.uniform('height'), camera.height);
+    gl.uniform1f(this.uniform('step_scale'), step_scale(this.space));
+    gl.uniform1f(this.uniform('least_transmittance'), least_transmittance);
+    gl.uniform1f(this.uniform('least_weight'), least_weight);
+    gl.uniform1i(this.uniform('rays_per_side'), Math.sqrt(rays(this.space)));
+  }
+
+  async drawTile(x, y, width, height, quality) {
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.next.frame);
+    gl.viewport(0, 0, this.next.width, this.next.height);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(x, y, width, height);
+    const began = performance.now();
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    await drawn();
+    const rate = width * height / Math.max(1, performance.now() - began), before = this.rates[quality];
+    this.rates[quality] = before * Math.min(4, Math.max(0.25, rate / before));
+  }
+
+  // Tiles in reading order from the top, each shown as it is done, as long as isWanted(). Whether all were drawn.
+  async draw(camera, quality, isWanted) {
+    const { width, height } = camera;
+    resizeTarget(this.next, width, height);
+    if (this.shown.width > 0) copyTarget(this.shown, this.next);
+    this.aim(camera, quality);
+    for (let top = 0, side; top < height; top += side) {
+      side = Math.max(kLeastTile, Math.round(Math.sqrt(this.rates[quality] * kTileMs)));
+      if (side * side > width * height / 2) side = Math.max(width, height);
+      for (let left = 0; left < width; left += side) {
+        const rows = Math.min(side, height - top), columns = Math.min(side, width - left);
+        await this.drawTile(left, height - top - rows, columns, rows, quality);
+        if (!isWanted()) return false;
+        if (quality > 0 && performance.now() - this.presented > kPresentMs) this.present(this.next);
+      }
+    }
+    [this.shown, this.next] = [this.next, this.shown];
+    this.present(this.shown);
+    return !gl.isContextLost();
+  }
+
+  present(target) {
+    this.presented = performance.now();
+    copyTarget(target, { frame: null, width: gl.drawingBufferWidth, height: gl.drawingBufferHeight });
+  }
+}

@@ -1,0 +1,144 @@
+// The page that plays a scene, opened from disk in a browser: it shows what TrainedField renders, and hands
+// move it.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "io/base/atomic_file.h"
+#include "io/base/error.h"
+#include "io/image/image.h"
+#include "nerf/rendering/trained_field.h"
+#include "nerf/training/trainer.h"
+#include "pipeline/page/page_export.h"
+#include "pipeline/stages/camera_path_file.h"
+#include "tests/support/ball_scene.h"
+#include "tests/support/browser.h"
+#include "tests/support/require_program.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using tests::Behind;
+
+constexpr char kStarted[] = "renderer && home";
+constexpr int kWidth = 72, kHeight = 56;
+
+// A field trained for some steps, and its page.
+class Played {
+ public:
+  explicit Played(Behind behind) : scene_(tests::BallScene(dir_ / "scene", 8, 0, {.behind = behind})) {
+    nerf::TrainOptions options;
+    options.steps = 80;
+    options.samples_per_step = 4096;
+    options.field.log2_hashmap_size = 12;  // the finer half of the levels is hashed
+    options.field.finest_resolution = 64;
+    options.field.grid_resolution = 64;
+    fs::create_directories(dir_ / "train");
+    nerf::Train(scene_, {}, options, dir_ / "train");
+    ExportPage(scene_, dir_ / "train/checkpoint.bin", "a </script> run", page());
+  }
+
+  fs::path page() const { return dir_ / "scene.html"; }
+  std::string Url() const { return "file://" + page().string() + "#size=96x72"; }
+
+  // Of the page's picture against that of the field, both at their finest, with a camera whose axis is not in
+  // the middle.
+  double Psnr(Browser* browser) const {
+    const io::Camera camera = {
+        .width = kWidth, .height = kHeight, .fl_x = 80, .fl_y = 84, .cx = 34, .cy = 29.5};
+    const io::Rigid3d& pose = scene_.frames[1].world_from_cam;
+    const nlohmann::json asked = {{"pose", RowsOf(pose)},
+                                  {"width", kWidth},
+                                  {"height", kHeight},
+                                  {"focal", {camera.fl_x, camera.fl_y}},
+                                  {"centre", {camera.cx, camera.cy}}};
+    const std::string address = browser->Evaluate("snapshot(" + asked.dump() + ")");
+    WriteText(dir_ / "page.png", FromBase64(address.substr(address.find(',') + 1)));
+    const io::Image page = io::ReadImage(dir_ / "page.png");
+    const auto field = nerf::TrainedField::Load(dir_ / "train/checkpoint.bin");
+    const nerf::RenderedView view = field->Render(camera, pose, {});
+    double sum = 0;
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        for (int c = 0; c < 3; ++c) {
+          const double want = view.rgb[static_cast<std::size_t>(3 * (y * kWidth + x) + c)];
+          sum += std::pow(page.Pixel(x, y)[c] / 255.0 - want, 2);
+        }
+      }
+    }
+    return -10 * std::log10(sum / (3 * kWidth * kHeight));
+  }
+
+ private:
+  const TempDir dir_;
+  const io::Scene scene_;
+};
+
+TEST(PageExport, ShowsABoundedFieldAsItRenders) {
+  REQUIRE_PROGRAM("chromium");
+  const Played played(Behind::kNothing);
+  Browser browser(played.Url());
+  ASSERT_TRUE(browser.Becomes(kStarted)) << browser.Evaluate("document.body.innerText");
+  EXPECT_EQ(browser.Evaluate("document.title"), "a </script> run");
+  EXPECT_GT(played.Psnr(&browser), 40);
+
+  ASSERT_TRUE(browser.Becomes("sharpness === 2 && !refreshing"));
+  const auto places = [&] { return browser.Evaluate("[view.at, reach()]").dump(); };
+  const std::string first = places();
+  browser.Drag(40, 36, 70, 40);
+  EXPECT_NE(places(), first);
+  browser.Wheel(48, 36, 300);
+  EXPECT_TRUE(browser.Becomes("reach() > 1.2 * Math.hypot(...add(home.at, scene.focus, -1))"));
+  browser.Evaluate("location.hash = ''");  // with the panel again
+  browser.Evaluate("byId('home').click()");
+  EXPECT_EQ(places(), first);
+}
+
+TEST(PageExport, ShowsAnUnboundedFieldAsItRenders) {
+  REQUIRE_PROGRAM("chromium");
+  const Played played(Behind::kRoom);
+  Browser browser(played.Url());
+  ASSERT_TRUE(browser.Becomes(kStarted)) << browser.Evaluate("document.body.innerText");
+  EXPECT_GT(played.Psnr(&browser), 40);
+}
+
+// The comparison above would notice.
+TEST(PageExport, ABrokenShaderLooksDifferent) {
+  REQUIRE_PROGRAM("chromium");
+  const Played played(Behind::kNothing);
+  std::string page = io::ReadFile(played.page());
+  // A corner's weight no longer belongs to the corner.
+  const std::string weight = "mix(1.0 - f, f, upper)";
+  const std::size_t at = page.find(weight);
+  ASSERT_NE(at, std::string::npos);
+  page.replace(at, weight.size(), "mix(1.0 - f, f, upper.yxz)");
+  io::WriteFileAtomically(played.page(), page);
+  Browser browser(played.Url());
+  ASSERT_TRUE(browser.Becomes(kStarted)) << browser.Evaluate("document.body.innerText");
+  EXPECT_LT(played.Psnr(&browser), 34);
+}
+
+TEST(PageExport, RefusesAFieldThatNoBrowserShows) {
+  const TempDir dir;
+  const io::Scene scene = tests::BallScene(dir / "scene", 4, 0);
+  nerf::TrainOptions options;
+  options.steps = 1;
+  options.samples_per_step = 256;
+  options.field.kind = nerf::FieldKind::kMlp;
+  options.field.grid_resolution = 64;
+  fs::create_directories(dir / "train");
+  nerf::Train(scene, {}, options, dir / "train");
+  try {
+    ExportPage(scene, dir / "train/checkpoint.bin", "a run", dir / "scene.html");
+    FAIL() << "no error";
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.code(), io::ExitCode::kBadInput);
+    EXPECT_NE(std::string(error.what()).find("hash"), std::string::npos);
+  }
+  EXPECT_FALSE(fs::exists(dir / "scene.html"));
+}
+
+}  // namespace
+}  // namespace pipeline
