@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "io/scene/pose.h"
@@ -25,11 +26,16 @@ Mesh TransformedMesh(const Sim3d& target_from_source, Mesh mesh);
 //
 // Binary little-endian PLY: float x, y, z, nx, ny, nz; uchar red, green, blue; faces as lists of int. Axes
 // and sRGB colours as they are.
-void WriteMeshPly(const std::filesystem::path& path, const Mesh& mesh);
+// remark: one line for whoever opens the file, a comment or glTF's generator.
+void WriteMeshPly(const std::filesystem::path& path,
+                  const Mesh& mesh,
+                  const std::string& remark = "pipeline");
 // glTF 2.0 in one binary file. There +y is up and colours are linear: (x, y, z) becomes (x, z, -y), and
 // COLOR_0 is decoded from sRGB to 16 bits. The material is unlit (KHR_materials_unlit), since the colours
 // have the light of the photographs in them, and shows both sides, since the surface may end anywhere.
-void WriteMeshGlb(const std::filesystem::path& path, const Mesh& mesh);
+void WriteMeshGlb(const std::filesystem::path& path,
+                  const Mesh& mesh,
+                  const std::string& remark = "pipeline");
 
 // Throws kInternal unless the mesh is as the writers take it.
 void CheckMesh(const Mesh& mesh);

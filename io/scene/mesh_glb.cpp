@@ -104,12 +104,12 @@ int AddMaterial(Model* model) {
 
 }  // namespace
 
-void WriteMeshGlb(const std::filesystem::path& path, const Mesh& mesh) {
+void WriteMeshGlb(const std::filesystem::path& path, const Mesh& mesh, const std::string& remark) {
   CheckMesh(mesh);
   PIPELINE_CHECK(!mesh.triangles.empty());  // the format has no empty accessors
   Model model;
   model.asset.version = "2.0";
-  model.asset.generator = "pipeline";
+  model.asset.generator = remark;
   model.buffers.emplace_back();
   tinygltf::Primitive primitive;
   primitive.attributes["POSITION"] = AddVectors(mesh.positions, true, &model);

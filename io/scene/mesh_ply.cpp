@@ -21,14 +21,15 @@ void Append(const T* values, std::size_t n, std::string* bytes) {
 
 }  // namespace
 
-void WriteMeshPly(const std::filesystem::path& path, const Mesh& mesh) {
+void WriteMeshPly(const std::filesystem::path& path, const Mesh& mesh, const std::string& remark) {
   CheckMesh(mesh);
   std::string bytes = fmt::format(
-      "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
+      "ply\nformat binary_little_endian 1.0\ncomment {}\nelement vertex {}\n"
       "property float x\nproperty float y\nproperty float z\n"
       "property float nx\nproperty float ny\nproperty float nz\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\n"
       "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+      remark,
       mesh.positions.size(),
       mesh.triangles.size());
   bytes.reserve(bytes.size() + kBytesPerVertex * mesh.positions.size() +

@@ -5,6 +5,11 @@
 
 namespace nerf {
 
+bool Contains(const CropBox& box, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d offset = box.world_from_box.Inverse() * point;
+  return (offset.cwiseAbs().array() <= 0.5 * box.size.array()).all();
+}
+
 void Clip(const CropBox& box, const Ray& ray, float* t_first, float* t_last) {
   const io::Rigid3d box_from_world = box.world_from_box.Inverse();
   const Eigen::Vector3d origin =

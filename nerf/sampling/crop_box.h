@@ -10,6 +10,8 @@ struct CropBox {
   Eigen::Vector3d size = Eigen::Vector3d::Constant(2);  // lengths of its sides, scene units, > 0
 };
 
+bool Contains(const CropBox& box, const Eigen::Vector3d& point);
+
 // Narrows the distances [*t_first, *t_last] of a ray to those inside the box; *t_first >= *t_last afterwards
 // when none is left.
 void Clip(const CropBox& box, const Ray& ray, float* t_first, float* t_last);

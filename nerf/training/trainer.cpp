@@ -18,6 +18,7 @@
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
 #include "nerf/training/training_clock.h"
+#include "nerf/training/training_progress.h"
 
 namespace nerf {
 namespace {
@@ -33,9 +34,6 @@ constexpr double kMonitorShare = 0.2;         // and take at most this share of 
 constexpr double kProgressEveryS = 0.5;
 constexpr double kWatchedShare = 0.05;  // of the training time that a watcher's checkpoints take at most
 constexpr double kWatchedEveryS = 4;    // and not more often, since reading them costs as well
-// Asked to end, training goes through the rest of its schedule within this share of the time so far, at least
-// kMinWindDownS: with a falling rate and short intervals the field is worth more than as it stands.
-constexpr double kWindDownShare = 0.15, kMinWindDownS = 1;
 
 double Db(double squared_error) { return -10 * std::log10(std::max(squared_error, 1e-12)); }
 
@@ -71,8 +69,7 @@ class Trainer {
   void Begin();
   void MakeField();
   void MakeTraining();
-  double Progress(double elapsed_s) const;
-  double LeftSeconds(double now) const;
+  double Progress(double elapsed_s) const { return progress_.At(state_.step, elapsed_s); }
   bool HasReachedTarget() const;
   void Step(double progress);
   void Skip(const std::string& fault);
@@ -101,6 +98,7 @@ class Trainer {
   std::optional<NearCameras> near_cameras_;     // of photographs ...
   std::optional<CameraRefinement> refinement_;  // ... whose cameras may move
   std::unique_ptr<FieldTraining> training_;
+  TrainingProgress progress_{options_};
   TrainReport report_;
   double loss_ = 0, opacity_ = 0;
   double constant_squared_error_ = 0;
@@ -108,10 +106,6 @@ class Trainer {
   double flop_ = 0;
   double next_monitor_s_ = 0, next_save_s_ = 0;
   double next_watched_save_s_ = 0;
-  struct WindDown {
-    double progress, begin_s, length_s;  // `progress`: when it began
-  };
-  std::optional<WindDown> wind_down_;
   std::optional<io::Progress> bar_;
   double shown_s_ = 0;            // when progress was last shown ...
   std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
@@ -167,16 +161,6 @@ void Trainer::Begin() {
   bar_.emplace("train");
   shown_s_ = clock_.Elapsed();
   next_save_s_ = shown_s_ + options_.checkpoint_every_s;
-}
-
-double Trainer::Progress(double elapsed_s) const {
-  if (wind_down_) {
-    const double share = (elapsed_s - wind_down_->begin_s) / wind_down_->length_s;
-    return std::min(wind_down_->progress + (1 - wind_down_->progress) * share, 1.0);
-  }
-  const double progress =
-      options_.steps > 0 ? static_cast<double>(state_.step) / options_.steps : elapsed_s / options_.time_s;
-  return std::min(progress, 1.0);
 }
 
 bool Trainer::HasReachedTarget() const {
@@ -254,26 +238,19 @@ void Trainer::SaveWhenDue(double now) {
   next_save_s_ = now + options_.checkpoint_every_s;
 }
 
-double Trainer::LeftSeconds(double now) const {
-  if (wind_down_) return wind_down_->begin_s + wind_down_->length_s - now;
-  const double progress = Progress(now);
-  return now * (1 - progress) / progress;
-}
-
 void Trainer::AskWatcher(double now) {
   if (!options_.watcher) return;
   const double progress = Progress(now);
   const WatcherWish wish = options_.watcher({.step = state_.step,
                                              .progress = progress,
                                              .elapsed_s = now,
-                                             .left_s = LeftSeconds(now),
+                                             .left_s = progress_.LeftSeconds(state_.step, now),
                                              .train_psnr = Db(state_.squared_error),
                                              .heldout_psnr = report_.heldout_psnr});
   if (wish.wants_end && !report_.ended_early) {
     report_.ended_early = true;
     report_.events.push_back(fmt::format("asked to end at {:.0f} % by a viewer", 100 * progress));
-    wind_down_ =
-        WindDown{progress, now, std::min(std::max(kMinWindDownS, kWindDownShare * now), LeftSeconds(now))};
+    progress_.End(state_.step, now);
   } else if (wish.wants_checkpoint && now >= next_watched_save_s_) {
     const double cost_s = clock_.Exclude([&] { Save(now); });
     next_watched_save_s_ = now + std::max(kWatchedEveryS, cost_s / kWatchedShare);

@@ -37,11 +37,16 @@ double MedianFootprint(std::vector<float> distances, double pixel_angle) {
 }
 
 // Views that are nearer, face the surface and see it away from edges count more.
-void AddView(const ViewSurface& view, const Eigen::Vector3d& centre, double pixel_angle, SurfelGrid* grid) {
+void AddView(const ViewSurface& view,
+             const Eigen::Vector3d& centre,
+             double pixel_angle,
+             const std::optional<nerf::CropBox>& crop,
+             SurfelGrid* grid) {
   for (std::size_t i = 0; i < view.distance.size(); ++i) {
     const Eigen::Vector3d normal = view.normals[i].cast<double>();
     const double cosine = -normal.dot(view.rays[i]);
     if (view.support[i] < kMinSupport || cosine < kMinCosine) continue;
+    if (crop && !nerf::Contains(*crop, centre + view.distance[i] * view.rays[i])) continue;
     const double distance = view.distance[i], spacing = distance * pixel_angle, even = view.evenness[i];
     grid->Add({.position = centre + distance * view.rays[i],
                .normal = normal,
@@ -69,15 +74,16 @@ std::vector<Surfel> DenseSurface(const ExportedScene& scene, const SurfaceOption
     const double footprint = MedianFootprint(view.distance, pixel_angle);
     if (!grid && footprint > 0)
       grid.emplace(kFirstCell * footprint, static_cast<std::size_t>(options.max_points));
-    if (grid) AddView(view, frame.world_from_cam.translation, pixel_angle, &*grid);
+    if (grid) AddView(view, frame.world_from_cam.translation, pixel_angle, scene.crop, &*grid);
     progress.Update(static_cast<double>(i + 1) / static_cast<double>(n));
   }
   std::vector<Surfel> surfels;
   if (grid) surfels = grid->Thinned();
   if (surfels.empty())
     throw io::Error(io::ExitCode::kBadState,
-                    scene.folder.parent_path().string() + ": no two training views show the same surface",
-                    "Train longer, or photograph more views");
+                    scene.folder.parent_path().string() + ": no two training views show the same surface" +
+                        (scene.crop ? " in the crop box" : ""),
+                    scene.crop ? "Move the box" : "Train longer, or photograph more views");
   return surfels;
 }
 

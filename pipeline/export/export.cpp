@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "io/base/error.h"
@@ -11,12 +13,14 @@
 #include "pipeline/export/dense_surface.h"
 #include "pipeline/export/depth_export.h"
 #include "pipeline/export/export_place.h"
+#include "pipeline/export/mesh_export.h"
 #include "pipeline/export/points_export.h"
 #include "pipeline/export/splats_export.h"
 #include "pipeline/page/page_export.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
+#include "pipeline/stages/camera_path_file.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {
@@ -27,26 +31,28 @@ using io::Error;
 using io::ExitCode;
 
 struct ExportOptions {
-  fs::path run, cameras, points, depth, splats, page;
+  fs::path run, cameras, points, depth, splats, mesh, page, crop;
   FrameOptions frame;
   SurfaceOptions surface;
+  int max_triangles = 500000;
   CommonOptions common;
 
   bool NeedsSurface() const { return !points.empty() || !splats.empty(); }
-  bool NeedsField() const { return NeedsSurface() || !depth.empty(); }
+  bool NeedsField() const { return NeedsSurface() || !depth.empty() || !mesh.empty(); }
 };
 
 // An export is one file, of a name that ends so, or a folder.
 struct Target {
   const char* option;
   fs::path ExportOptions::*path;
-  const char* extension = nullptr;
+  std::vector<std::string> extensions;
 };
-constexpr Target kTargets[] = {{"cameras", &ExportOptions::cameras},
-                               {"points", &ExportOptions::points, ".ply"},
-                               {"depth", &ExportOptions::depth},
-                               {"splats", &ExportOptions::splats, ".ply"},
-                               {"page", &ExportOptions::page, ".html"}};
+const Target kTargets[] = {{"cameras", &ExportOptions::cameras, {}},
+                           {"points", &ExportOptions::points, {".ply"}},
+                           {"depth", &ExportOptions::depth, {}},
+                           {"splats", &ExportOptions::splats, {".ply"}},
+                           {"mesh", &ExportOptions::mesh, {".glb", ".ply"}},
+                           {"page", &ExportOptions::page, {".html"}}};
 
 void AddExportOptions(Options* options, ExportOptions* to) {
   options->AddPositional("RUN", &to->run, "run folder", true);
@@ -55,6 +61,7 @@ void AddExportOptions(Options* options, ExportOptions* to) {
   options->Add("points", &to->points, "FILE.ply: points of the surface, with normal, colour and support");
   options->Add("depth", &to->depth, "FOLDER: depth, normals and support of every view");
   options->Add("splats", &to->splats, "FILE.ply: the surface as 3D Gaussians, not optimised");
+  options->Add("mesh", &to->mesh, "FILE.glb or FILE.ply: the surface as triangles, with normals and colours");
   options->Add("page", &to->page, "FILE.html: the field to look around in, in any browser and offline");
   options->Add("frame",
                &to->frame.frame,
@@ -66,7 +73,12 @@ void AddExportOptions(Options* options, ExportOptions* to) {
       "x,y,z,x,y,z=METRES: two points of known distance, in those coordinates; all is then written in "
       "metres",
       {.check = [](const std::string& name, const std::string& text) { ParsePointsApart(name, text); }});
+  options->Add("crop",
+               &to->crop,
+               "camera_path.json with a crop box, as `pipeline view` saves it: points, splats and mesh hold "
+               "what lies inside");
   options->Add("max-points", &to->surface.max_points, "most points and splats", {.min = 1, .max = 1e8});
+  options->Add("max-triangles", &to->max_triangles, "most triangles of the mesh", {.min = 1000, .max = 1e8});
   options->Add("view-size",
                &to->surface.view_size,
                "longer side of the views that points and splats come from [px]; 0 = of the training pictures",
@@ -82,16 +94,15 @@ void CheckTargets(const ExportOptions& options) {
     const fs::path& path = options.*target.path;
     if (path.empty()) continue;
     given.push_back(&target);
-    if (target.extension)
-      RequireExportFile(path, target.extension, options.run, options.common.force);
-    else
+    if (target.extensions.empty())
       RequireExportFolder(path, options.run);
+    else
+      RequireExportFile(path, target.extensions, options.run, options.common.force);
   }
   if (given.empty())
-    throw Error(
-        ExitCode::kUsage,
-        "nothing to export",
-        "Give --cameras FOLDER, --points FILE.ply, --depth FOLDER, --splats FILE.ply or --page FILE.html");
+    throw Error(ExitCode::kUsage,
+                "nothing to export",
+                "Give --cameras, --points, --depth, --splats, --mesh or --page with a place");
   for (const Target* outer : given) {
     for (const Target* inner : given) {
       if (outer != inner && IsWithin(options.*inner->path, options.*outer->path))
@@ -108,8 +119,11 @@ void Say(const char* what, const fs::path& path, const std::string& note = "") {
 }
 
 void Export(const ExportOptions& options) {
-  const ExportedScene scene =
+  std::optional<nerf::CropBox> crop;
+  if (!options.crop.empty()) crop = ReadCrop(options.crop).box;
+  ExportedScene scene =
       LoadExportedScene(options.run, options.frame, options.NeedsField(), ResolvedThreads(options.common));
+  scene.crop = crop;
   if (!options.cameras.empty()) {
     ExportCameras(scene, options.cameras);
     Say("cameras", options.cameras, "  " + std::to_string(ViewsOf(scene).size()) + " views");
@@ -122,6 +136,10 @@ void Export(const ExportOptions& options) {
   if (!options.depth.empty()) {
     ExportDepth(scene, options.depth);
     Say("depth", options.depth, "  " + std::to_string(ViewsOf(scene).size()) + " views");
+  }
+  if (!options.mesh.empty()) {
+    const std::size_t triangles = ExportMesh(scene, options.max_triangles, options.mesh);
+    Say("mesh", options.mesh, "  " + std::to_string(triangles) + " triangles");
   }
   if (!options.NeedsSurface()) return;
   const std::vector<Surfel> surfels = DenseSurface(scene, options.surface);
@@ -142,9 +160,8 @@ int RunExport(int argc, const char* const* argv) {
   return GuardedMain("pipeline export", [&] {
     ExportOptions options;
     Options bound("pipeline export",
-                  "Writes a run for other programs: cameras, points, depth maps, splats, a page for "
-                  "browsers; any of them in "
-                  "one call.");
+                  "Writes a run for other programs: cameras, points, depth maps, splats, a mesh, a page for "
+                  "browsers; any of them in one call.");
     AddExportOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
     CheckTargets(options);

@@ -1,8 +1,10 @@
 #include "pipeline/export/export_place.h"
 
+#include <fmt/ranges.h>
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -24,6 +26,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kRecord[] = "export.json";
 constexpr char kPartial[] = ".partial";
+constexpr std::size_t kHeadBytes = 4096;  // glTF lists its numbers before who wrote it
 
 fs::path Absolute(const fs::path& path) { return fs::absolute(path / "").lexically_normal().parent_path(); }
 
@@ -49,7 +52,7 @@ void RequireWritablePlace(const fs::path& target) {
 }
 
 bool IsOurFile(const fs::path& file) {
-  std::string head(256, '\0');
+  std::string head(kHeadBytes, '\0');
   std::ifstream(file, std::ios::binary).read(head.data(), static_cast<std::streamsize>(head.size()));
   return head.find(kExportMark) != std::string::npos;
 }
@@ -82,13 +85,15 @@ bool IsWithin(const fs::path& path, const fs::path& folder) {
 }
 
 void RequireExportFile(const fs::path& file,
-                       const std::string& extension,
+                       const std::vector<std::string>& extensions,
                        const fs::path& run_folder,
                        bool force) {
   RequireOutside(file, run_folder);
   RequireWritablePlace(file);
-  if (file.extension() != extension)
-    throw Error(ExitCode::kUsage, file.string() + ": is not named " + extension, "Choose such a name");
+  if (std::find(extensions.begin(), extensions.end(), file.extension()) == extensions.end())
+    throw Error(ExitCode::kUsage,
+                fmt::format("{}: is not named {}", file.string(), fmt::join(extensions, " or ")),
+                "Choose such a name");
   if (!fs::exists(fs::symlink_status(file))) return;
   if (!fs::is_regular_file(file)) RefuseToReplace(file, "It is no file: choose another name");
   if (!force && !IsOurFile(file)) RefuseToReplace(file, "Choose another name, or --force");

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "pipeline/export/target_frame.h"
 
@@ -13,9 +14,10 @@ namespace pipeline {
 inline constexpr char kExportMark[] = "written by pipeline export";
 inline constexpr char kExportComment[] = "comment written by pipeline export\n";
 
-// Throws kBadInput or kUsage when `file` may not be written, naming the rule.
+// Throws kBadInput or kUsage when `file` may not be written, naming the rule. extensions: ".ply", one of
+// them.
 void RequireExportFile(const std::filesystem::path& file,
-                       const std::string& extension,
+                       const std::vector<std::string>& extensions,
                        const std::filesystem::path& run_folder,
                        bool force);
 void RequireExportFolder(const std::filesystem::path& folder, const std::filesystem::path& run_folder);

@@ -3,12 +3,14 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "io/scene/scene.h"
 #include "nerf/rendering/support_map.h"
 #include "nerf/rendering/trained_field.h"
+#include "nerf/sampling/crop_box.h"
 #include "pipeline/export/target_frame.h"
 
 namespace pipeline {
@@ -20,6 +22,7 @@ struct ExportedScene {
   std::unique_ptr<nerf::TrainedField> field;  // null: not asked for
   std::unique_ptr<nerf::SupportMap> support;  // with the field
   TargetFrame target;
+  std::optional<nerf::CropBox> crop;  // of surfaces, scene coordinates
   int threads = 1;
 };
 

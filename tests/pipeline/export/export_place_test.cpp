@@ -25,18 +25,21 @@ class ExportPlace : public testing::Test {
 
 TEST_F(ExportPlace, FilesOfOthersAreKept) {
   const fs::path file = dir_ / "a.ply";
-  EXPECT_NO_THROW(RequireExportFile(file, run_, false));
+  EXPECT_NO_THROW(RequireExportFile(file, {".ply"}, run_, false));
   WriteText(file, "ply\ncomment by somebody\n");
-  EXPECT_ERROR(
-      RequireExportFile(file, run_, false), ExitCode::kBadInput, file.string(), "not written", "--force");
-  EXPECT_NO_THROW(RequireExportFile(file, run_, true));
+  EXPECT_ERROR(RequireExportFile(file, {".ply"}, run_, false),
+               ExitCode::kBadInput,
+               file.string(),
+               "not written",
+               "--force");
+  EXPECT_NO_THROW(RequireExportFile(file, {".ply"}, run_, true));
   WriteText(file, PlyHeader(0, "", {"float x"}));
-  EXPECT_NO_THROW(RequireExportFile(file, run_, false));
+  EXPECT_NO_THROW(RequireExportFile(file, {".ply"}, run_, false));
   WriteText(file, "");
-  EXPECT_ERROR(RequireExportFile(file, run_, false), ExitCode::kBadInput, "not written");
+  EXPECT_ERROR(RequireExportFile(file, {".ply"}, run_, false), ExitCode::kBadInput, "not written");
   fs::create_directory(dir_ / "b.ply");
-  EXPECT_ERROR(RequireExportFile(dir_ / "b.ply", run_, true), ExitCode::kBadInput, "no file");
-  EXPECT_ERROR(RequireExportFile(dir_ / "a.obj", run_, true), ExitCode::kUsage, "a.obj", ".ply");
+  EXPECT_ERROR(RequireExportFile(dir_ / "b.ply", {".ply"}, run_, true), ExitCode::kBadInput, "no file");
+  EXPECT_ERROR(RequireExportFile(dir_ / "a.obj", {".ply"}, run_, true), ExitCode::kUsage, "a.obj", ".ply");
 }
 
 TEST_F(ExportPlace, FoldersOfOthersAndOtherFoldersOfOursAreKept) {
@@ -62,19 +65,19 @@ TEST_F(ExportPlace, TheRunFolderAndWhatHoldsItAreNoPlace) {
   for (const fs::path& folder :
        {run_, run_ / "", run_ / "scene", dir_.path(), dir_ / "link", dir_ / "x/../run/a"})
     EXPECT_ERROR(RequireExportFolder(folder, run_), ExitCode::kUsage, "run folder");
-  EXPECT_ERROR(RequireExportFile(run_ / "a.ply", run_, true), ExitCode::kUsage, "run folder");
+  EXPECT_ERROR(RequireExportFile(run_ / "a.ply", {".ply"}, run_, true), ExitCode::kUsage, "run folder");
   EXPECT_NO_THROW(RequireExportFolder(dir_ / "run2", run_));
 }
 
 TEST_F(ExportPlace, WhereNothingCanBeMadeIsSaidBeforeTheWork) {
   WriteText(dir_ / "file", "x");
-  EXPECT_ERROR(RequireExportFile(dir_ / "file/deep/a.ply", run_, true),
+  EXPECT_ERROR(RequireExportFile(dir_ / "file/deep/a.ply", {".ply"}, run_, true),
                ExitCode::kBadInput,
                "a.ply",
                "cannot be made");
   EXPECT_ERROR(RequireExportFolder(dir_ / "file/deep/a", run_), ExitCode::kBadInput, "cannot be made");
   EXPECT_NO_THROW(RequireExportFolder(dir_ / "new/deep/a", run_));
-  EXPECT_NO_THROW(RequireExportFile("a name without a folder.ply", run_, true));
+  EXPECT_NO_THROW(RequireExportFile("a name without a folder.ply", {".ply"}, run_, true));
 }
 
 TEST_F(ExportPlace, AFolderAppearsWhenItIsComplete) {

@@ -55,6 +55,7 @@ TEST_F(ExportCommand, WritesAllKindsInOneCall) {
                  "--points=" + Path("p.ply"),
                  "--depth=" + Path("d"),
                  "--splats=" + Path("s.ply"),
+                 "--mesh=" + Path("m.glb"),
                  "--max-points=2000",
                  "--threads=2",
                  "--points-apart=0,0,0,0,0,1=2"}),
@@ -75,6 +76,9 @@ TEST_F(ExportCommand, WritesAllKindsInOneCall) {
   EXPECT_THAT(output_,
               HasSubstr("splats  " + Path("s.ply") + "  " + std::to_string(points.size()) + " points"));
 
+  EXPECT_THAT(ReadText(dir_ / "m.glb").substr(0, 4), "glTF");
+  ASSERT_EQ(Run({"--mesh=" + Path("m.glb")}), 0) << error_;  // over the first one
+
   // The same bytes for another number of threads, over the first files.
   const std::string before = ReadText(dir_ / "p.ply");
   ASSERT_EQ(
@@ -82,6 +86,25 @@ TEST_F(ExportCommand, WritesAllKindsInOneCall) {
       0)
       << error_;
   EXPECT_EQ(ReadText(dir_ / "p.ply"), before);
+}
+
+TEST_F(ExportCommand, ACropBoxCutsPointsAndMesh) {
+  WriteText(dir_ / "crop.json",
+            R"({"crop": {"crop_center": [1, 0, 0], "crop_scale": [2, 4, 4],
+                         "crop_bg_color": {"r": 0, "g": 0, "b": 0}}})");
+  ASSERT_EQ(Run({"--points=" + Path("p.ply"), "--mesh=" + Path("m.ply"), "--crop=" + Path("crop.json")}), 0)
+      << error_;
+  for (const char* name : {"p.ply", "m.ply"}) {
+    const std::vector<io::Point3D> points = io::ReadPly(dir_ / name);
+    ASSERT_GT(points.size(), 100u);
+    for (const io::Point3D& point : points) EXPECT_GE(point.xyz.x(), -1e-5) << name;
+  }
+  WriteText(dir_ / "empty.json",
+            R"({"crop": {"crop_center": [9, 0, 0], "crop_scale": [1, 1, 1],
+                         "crop_bg_color": {"r": 0, "g": 0, "b": 0}}})");
+  for (const char* target : {"--points=", "--mesh="})
+    EXPECT_NE(Run({target + Path("none.ply"), "--crop=" + Path("empty.json")}), 0);
+  EXPECT_FALSE(fs::exists(dir_ / "none.ply"));
 }
 
 TEST_F(ExportCommand, OptionsAreCheckedBeforeAnyWork) {
@@ -95,6 +118,7 @@ TEST_F(ExportCommand, OptionsAreCheckedBeforeAnyWork) {
                                  "--cameras="})
     ExpectRefused(
         ExitCode::kUsage, {"--points=" + Path("a.ply"), flag}, flag.substr(0, flag.find('=')) + ": ");
+  ExpectRefused(ExitCode::kUsage, {"--mesh=" + Path("a.obj")}, "is not named .glb or .ply");
   ExpectRefused(ExitCode::kUsage, {"--points=" + Path("a.obj"), "--cameras=" + Path("c")}, "a.obj");
   ExpectRefused(ExitCode::kUsage,
                 {"--points=" + Path("c/a.ply"), "--cameras=" + Path("c")},
