@@ -116,6 +116,23 @@ TEST_F(TrainedBall, LooksTheSameWithEverySampling) {
   check("occupied cells", *pruned, 30);
 }
 
+TEST_F(TrainedBall, MidmeanDepthIsTheSameWithEverySampling) {
+  const auto dense = With({.n_samples = 256}), pruned = With({});
+  Occupy(rays_, pruned.get());
+  io::Workers workers(2);
+  const std::vector<RenderedRay> a = RenderRays(*dense, rays_, 1, 1, &workers),
+                                 b = RenderRays(*pruned, rays_, 1, 0.25f, &workers);
+  int n_opaque = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (a[i].transmittance > 0.2f) continue;
+    ++n_opaque;
+    EXPECT_NEAR(a[i].midmean_depth, b[i].midmean_depth, 0.02);
+  }
+  EXPECT_GT(n_opaque, 10);
+  const RenderedRay ended = RenderRays(*dense, {rays_.data(), 1}, 1, 1, &workers, 3.3f)[0];
+  EXPECT_NEAR(ended.midmean_depth, 3.3f, 1e-3f);  // before the ball
+}
+
 // The picture of a ray in double from the paper's formulas: stratified midpoints, closed ends.
 void RenderExactly(const tests::ReferenceMlp<double>& mlp,
                    const SceneField& scene_field,

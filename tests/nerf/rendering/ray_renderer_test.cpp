@@ -63,6 +63,25 @@ TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
   EXPECT_GT(stopped, 0.5f * kEarlyStopTransmittance) << "the wave after the stop was still followed";
 }
 
+// With T = exp(-k s) at the distance s, twice the integral of s over T in [1/4, 3/4].
+TEST_F(RayRenderer, MidmeanDepthIsThatOfTheMiddleHalfOfTheLight) {
+  Fill();
+  const double k = std::exp(-1.0);
+  const auto integral = [](double low, double high) {  // of -ln T
+    return high - high * std::log(high) - (low - low * std::log(low));
+  };
+  const RenderedRay opaque = RenderAlong({{0, 0, -50}, {0, 0, 1}});
+  EXPECT_NEAR(opaque.midmean_depth, 2 / k * integral(0.25, 0.75), 0.02);
+  EXPECT_NEAR(opaque.depth, 1 / k, 0.02);
+  // What passes the end of the ray counts there.
+  const RenderedRay thin = RenderAlong({{0, 0, 48.5f}, {0, 0, 1}});
+  const double passes = std::exp(-1.5 * k);
+  EXPECT_NEAR(thin.midmean_depth, 2 / k * integral(passes, 0.75) + 2 * (passes - 0.25) * 1.5, 0.02);
+  fog_.grid.Forget();
+  fog_.grid.Rebuild();
+  EXPECT_EQ(RenderAlong({{0, 0, -100}, {0, 0, 1}}).midmean_depth, 150.f);
+}
+
 // Seen from a corner of the cube, pixels are means over rays of different lengths through fog.
 TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
   Fill();
