@@ -11,7 +11,8 @@
 namespace samples {
 
 // Distance from p to the nearest surface in the room, units of the sample: to where Newton's method arrives
-// from p on each signed distance, since some of these underestimate (sdf.h). In creases it may come out too large.
+// from p on each signed distance, since some of these underestimate (sdf.h). In creases it may come out too
+// large.
 double DistanceToSurface(const Vec3& p);
 
 // Of one region; lengths in units of the sample, in which the figurine is 1.3 high and the table 3 wide.

@@ -21,7 +21,8 @@ TEST(DistanceToSurface, IsThatOfWhatIsNear) {
   EXPECT_NEAR(samples::DistanceToSurface({samples::kRoomRadius - 0.3, 0, 1}), 0.3, 1e-9);
   // Along the normal of the owl, whose function underestimates.
   const samples::Solid owl = samples::FigurineSolids()[0];
-  for (const Vec3& from : {Vec3(0.3, -0.8, 0.2), Vec3(-0.5, 0.5, -0.3), Vec3(0.1, -0.9, 0.1), Vec3(0.6, 0.5, -0.1)}) {
+  for (const Vec3& from :
+       {Vec3(0.3, -0.8, 0.2), Vec3(-0.5, 0.5, -0.3), Vec3(0.1, -0.9, 0.1), Vec3(0.6, 0.5, -0.1)}) {
     Vec3 p = owl.centre + owl.radius * from;
     const Vec3 inwards = (owl.centre - p).normalized();
     for (int i = 0; i < 1000 && owl.distance(p) > 1e-6; ++i) p += 0.5 * owl.distance(p) * inwards;
