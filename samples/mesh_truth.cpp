@@ -19,6 +19,8 @@ constexpr double kLegRadius = 0.2;
 constexpr double kGradientStep = 1e-4;
 // A signed distance that changes more slowly than this is near an edge inside, where it tells nothing.
 constexpr double kLeastSlope = 0.2;
+constexpr int kNewtonSteps = 4;
+constexpr double kOnSurface = 1e-4;
 // Beyond this distance from its bounding ball no solid is the nearest surface of a mesh worth measuring.
 constexpr double kBallMargin = 0.15;
 constexpr double kPointSpacing = 0.004;  // of the points on the mesh: well below `reach`
@@ -32,13 +34,21 @@ double CylinderDistance(const Vec3& p, double radius, double low, double high) {
   return std::min(std::max(r, h), 0.0) + Length(std::max(r, 0.0), std::max(h, 0.0));
 }
 
+// To where Newton's steps along the gradient arrive; the first step's length where they don't.
 double SolidDistance(const Solid& solid, const Vec3& p) {
-  Vec3 gradient;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vec3 step = kGradientStep * Vec3::Unit(axis);
-    gradient[axis] = (solid.distance(p + step) - solid.distance(p - step)) / (2 * kGradientStep);
+  Vec3 at = p;
+  double first = 0;
+  for (int i = 0; i < kNewtonSteps; ++i) {
+    Vec3 gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vec3 step = kGradientStep * Vec3::Unit(axis);
+      gradient[axis] = (solid.distance(at + step) - solid.distance(at - step)) / (2 * kGradientStep);
+    }
+    const double value = solid.distance(at);
+    if (i == 0) first = std::abs(value) / std::max(gradient.norm(), kLeastSlope);
+    at -= value / std::max(gradient.squaredNorm(), kLeastSlope * kLeastSlope) * gradient;
   }
-  return std::abs(solid.distance(p)) / std::max(gradient.norm(), kLeastSlope);
+  return std::abs(solid.distance(at)) < kOnSurface ? (at - p).norm() : first;
 }
 
 const std::vector<Solid>& AllSolids() {

@@ -10,9 +10,9 @@
 
 namespace samples {
 
-// Distance from p to the nearest surface in the room, units of the sample: the value of each signed distance
-// over how fast it changes there. That is exact to first order near the surface, also for functions that
-// underestimate (sdf.h).
+// Distance from p to the nearest surface in the room, units of the sample: to where Newton's method arrives
+// from p on each signed distance, since some of these underestimate (sdf.h). In creases it may come out too
+// large.
 double DistanceToSurface(const Vec3& p);
 
 // Of one region; lengths in units of the sample, in which the figurine is 1.3 high and the table 3 wide.

@@ -55,6 +55,20 @@ TEST(MeshRepair, KeepsTrianglesAllOfWhoseVerticesAreKept) {
   io::CheckMesh(mesh);
 }
 
+TEST(MeshRepair, EveryCornerOfATriangleCounts) {
+  for (std::size_t corner = 0; corner < 3; ++corner) {
+    io::Mesh mesh;
+    mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    mesh.triangles = {{0, 1, 2}};
+    mesh.normals.assign(3, Vector3f::UnitZ());
+    mesh.colours.resize(3);
+    std::vector<std::uint8_t> keep(3, 1);
+    keep[corner] = 0;
+    nerf::KeepVertices(keep, &mesh);
+    EXPECT_TRUE(mesh.triangles.empty()) << corner;
+  }
+}
+
 TEST(MeshRepair, DecimationKeepsShapeAndWhatVerticesCarry) {
   io::Mesh mesh;
   AddSquare({0, 0, 0}, 1, 40, &mesh);
