@@ -1,7 +1,8 @@
 // A scene that plays in the browser alone: looks around in it as `pipeline view` does, without a server.
 
-const kFrameMs = 80;       // of the time between two pictures while a hand moves
-const kRestMs = 120;       // without motion, before the picture is sharpened
+// Time between two pictures while a hand moves [ms]; longer where the picture had fewer pixels else.
+const kFrameMs = 80, kSlowFrameMs = 350, kLeastArea = 12000;
+const kRestMs = 120;  // without motion, before the picture is sharpened
 let renderer = null, interrupted = false, dirty = false, refreshing = false, movedAt = 0, sharpness = 0;
 
 // There are no photos here.
@@ -31,7 +32,8 @@ async function drawNext() {
   const [width, height] = fullSize(), area = width * height;
   if (picture.width !== width || picture.height !== height) Object.assign(picture, { width, height });
   const moving = dirty, quality = moving ? 0 : sharpness >= 1 ? 2 : 1;
-  const small = Math.max(1500, renderer.rates[0] * kFrameMs) / area;
+  const rate = renderer.rates[0];
+  const small = Math.max(rate * kFrameMs, Math.min(kLeastArea, rate * kSlowFrameMs)) / area;
   const share = Math.min(1, moving ? small : sharpness >= 1 ? 1 : sharpness * 4);
   const size = [width, height].map((side) => Math.max(8, Math.round(side * Math.sqrt(share))));
   dirty = false;

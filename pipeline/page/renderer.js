@@ -1,10 +1,11 @@
 // The field in WebGL 2: pictures of a view, drawn tile by tile, so that no draw call holds the graphics card up.
 
-// Quality 0 while the view moves, 1 at rest, 2 as the program renders.
+// Quality 0 while the view moves, 1 at rest, 2 as the program renders. Samples share colours until they weigh
+// least_weight together.
 const kQualities = [
   { least_transmittance: 1e-2, least_weight: 2, step_scale: () => 1, rays: () => 1 },
   { least_transmittance: 1e-4, least_weight: 0.25, step_scale: () => 1, rays: () => 1 },
-  { least_transmittance: 1e-4, least_weight: 1e-3, step_scale: (space) => space.step_scale, rays: (space) => space.rays_per_pixel },
+  { least_transmittance: 1e-4, least_weight: 0.01, step_scale: (space) => space.step_scale, rays: (space) => space.rays_per_pixel },
 ];
 const kTileMs = 60, kLeastTile = 24;  // [ms], [px]; smaller tiles are mostly overhead
 const kPresentMs = 100;
