@@ -1,7 +1,6 @@
-// COLMAP sparse models (cameras, images, points3D; in binary or text). The reader is
-// ours because COLMAP's accepts truncated files, NaN poses and dangling references without a word: every
-// count is checked against the bytes that remain before anything is allocated, every reference and number is
-// verified.
+// COLMAP sparse models (cameras, images, points3D; in binary or text). The reader is ours because COLMAP's
+// accepts truncated files, NaN poses and dangling references without a word: every count is checked against
+// the bytes that remain before anything is allocated, every reference and number is verified.
 #pragma once
 
 #include <cstdint>

@@ -43,7 +43,8 @@ struct Scratch {
   }
 };
 
-// Where the transmittance falls to one half within an interval around t, if it does; else what was known.
+// Where the transmittance falls to one half within an interval around t, were its density constant; what was
+// known, if it does not.
 float MedianDepth(float before, float behind, float t, float delta, float known) {
   constexpr float kHalf = 0.5f;
   if (!(before > kHalf && behind <= kHalf)) return known;
@@ -197,8 +198,11 @@ RenderedRay CompositeRay(std::size_t first, std::size_t n, float t_first, float 
   ray.median_depth = kInfinity;
   for (std::size_t i = 0; i < n; ++i) {
     ray.depth += weights[i] * t[i];
-    const float before = std::exchange(behind, behind - weights[i]);
-    ray.median_depth = MedianDepth(before, behind, t[i], delta[i], ray.median_depth);
+    const float before = std::exchange(behind, std::max(0.f, behind - weights[i]));
+    const float median = MedianDepth(before, behind, t[i], delta[i], kInfinity);
+    // Intervals are not centred on their samples, and the last one may be endless.
+    if (std::isfinite(median))
+      ray.median_depth = std::clamp(median, i == 0 ? 0 : t[i - 1], i + 1 == n ? t_last : t[i + 1]);
   }
   ray.depth += ray.transmittance * t_last;
   return ray;

@@ -18,7 +18,7 @@ struct RenderedRay {
   float rgb[3];
   float transmittance;  // share of the light that leaves the scene: what shows the background or infinity
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
-  float median_depth;  // where half the light is absorbed, were its interval of constant density; or infinity
+  float median_depth;   // where half the light is absorbed; infinity where less is
 };
 
 // A pixel of a camera.

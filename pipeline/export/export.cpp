@@ -83,7 +83,7 @@ void CheckTargets(const ExportOptions& options) {
     if (path.empty()) continue;
     given.push_back(&target);
     if (target.extension)
-      RequireExportFile(path, target.extension, options.run, options.common.force);
+      RequireExportFile(path, options.run, options.common.force, target.extension);
     else
       RequireExportFolder(path, options.run);
   }
@@ -148,8 +148,7 @@ int RunExport(int argc, const char* const* argv) {
     AddExportOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
     CheckTargets(options);
-    const bool reads_field = options.NeedsField() || !options.page.empty();
-    if (reads_field && NeedsTorch(options.run / "train/checkpoint.bin"))
+    if (options.NeedsField() && NeedsTorch(options.run / "train/checkpoint.bin"))
       ContinueWithTorch("export", argc, argv);
     Export(options);
   });

@@ -34,6 +34,16 @@ void RequireOutside(const fs::path& target, const fs::path& run_folder) {
                 "Choose a place beside it");
 }
 
+// Before any work: whether `target` can be made.
+void RequireWritablePlace(const fs::path& target) {
+  fs::path folder = Absolute(target).parent_path();
+  while (!fs::exists(folder)) folder = folder.parent_path();
+  if (!fs::is_directory(folder) || access(folder.c_str(), W_OK | X_OK) != 0)
+    throw Error(ExitCode::kBadInput,
+                target.string() + ": cannot be made in " + folder.string(),
+                "Choose a folder that you may write to");
+}
+
 [[noreturn]] void RefuseToReplace(const fs::path& target, const std::string& remedy) {
   throw Error(ExitCode::kBadInput, target.string() + ": was not written by `pipeline export`", remedy);
 }
@@ -72,10 +82,11 @@ bool IsWithin(const fs::path& path, const fs::path& folder) {
 }
 
 void RequireExportFile(const fs::path& file,
-                       const std::string& extension,
                        const fs::path& run_folder,
-                       bool force) {
+                       bool force,
+                       const std::string& extension) {
   RequireOutside(file, run_folder);
+  RequireWritablePlace(file);
   if (file.extension() != extension)
     throw Error(ExitCode::kUsage, file.string() + ": is not named " + extension, "Choose such a name");
   if (!fs::exists(fs::symlink_status(file))) return;
@@ -85,6 +96,7 @@ void RequireExportFile(const fs::path& file,
 
 void RequireExportFolder(const fs::path& folder, const fs::path& run_folder) {
   RequireOutside(folder, run_folder);
+  RequireWritablePlace(folder);
   const fs::path target = Absolute(folder);  // without a slash that would follow a link
   const fs::file_status status = fs::symlink_status(target);
   if (!fs::exists(status)) return;
@@ -95,8 +107,7 @@ void RequireExportFolder(const fs::path& folder, const fs::path& run_folder) {
 }
 
 ExportFolder::ExportFolder(const fs::path& target) : target_(Absolute(target)), partial_(PartialOf(target_)) {
-  std::error_code ignored;  // ClaimFolder reports what cannot be made
-  fs::create_directories(target_.parent_path(), ignored);
+  fs::create_directories(target_.parent_path());
   RemoveStale(target_);
   io::RecreateOwnedFolder(partial_);
 }

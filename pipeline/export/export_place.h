@@ -15,9 +15,9 @@ inline constexpr char kExportComment[] = "comment written by pipeline export\n";
 
 // Throws kBadInput or kUsage when `file` may not be written, naming the rule.
 void RequireExportFile(const std::filesystem::path& file,
-                       const std::string& extension,
                        const std::filesystem::path& run_folder,
-                       bool force);
+                       bool force,
+                       const std::string& extension = ".ply");
 void RequireExportFolder(const std::filesystem::path& folder, const std::filesystem::path& run_folder);
 
 // Whether `path` is `folder` or would lie in it, symbolic links resolved as far as the paths exist.

@@ -1,6 +1,8 @@
 #include "pipeline/export/exported_scene.h"
 
+#include <algorithm>
 #include <map>
+#include <set>
 
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
@@ -22,8 +24,11 @@ void RequireFile(const fs::path& path, const std::string& command) {
 // `normalize` puts pictures into images/, or train/ and test/ where the split was given.
 std::string NameOf(const fs::path& scene_folder, const fs::path& picture) {
   const fs::path relative = picture.lexically_normal().lexically_relative(scene_folder);
-  const fs::path name = *relative.begin() == "images" ? relative.lexically_relative("images") : relative;
-  return name.generic_string();
+  const fs::path path = *relative.begin() == "images" ? relative.lexically_relative("images") : relative;
+  std::string name = path.generic_string();
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return c >= 0 && c <= ' '; }, '_');
+  return name;
 }
 
 }  // namespace
@@ -61,12 +66,13 @@ ExportedScene LoadExportedScene(const fs::path& run_folder,
 
 std::vector<ExportedView> ViewsOf(const ExportedScene& scene) {
   std::vector<ExportedView> views;
+  std::set<std::string> taken;
   for (const io::Scene* part : {&scene.train, &scene.test}) {
     for (const io::Frame& frame : part->frames) {
-      views.push_back({&part->cameras[static_cast<std::size_t>(frame.camera_index)],
-                       &frame,
-                       NameOf(scene.folder, frame.image_path),
-                       part == &scene.test});
+      std::string name = NameOf(scene.folder, frame.image_path);
+      while (!taken.insert(name).second) name.insert(name.rfind('.'), "_");
+      views.push_back(
+          {&part->cameras[static_cast<std::size_t>(frame.camera_index)], &frame, name, part == &scene.test});
     }
   }
   return views;

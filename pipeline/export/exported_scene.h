@@ -36,7 +36,9 @@ std::filesystem::path RequireTrainedField(const std::filesystem::path& run_folde
 struct ExportedView {
   const io::Camera* camera;
   const io::Frame* frame;
-  std::string name;  // of its picture, relative to the folder of pictures: "IMG_1.png", "train/r_0.png"
+  // Of its picture, relative to the folder of pictures: "IMG_1.png", "train/r_0.png". Blanks are replaced, at
+  // which COLMAP's reader of text would end the name.
+  std::string name;
   bool is_test;
 };
 

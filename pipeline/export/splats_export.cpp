@@ -1,10 +1,12 @@
 #include "pipeline/export/splats_export.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "io/base/atomic_file.h"
 #include "io/scene/decomposition.h"
 #include "pipeline/export/ply_bytes.h"
+#include "pipeline/export/point_spacing.h"
 
 namespace pipeline {
 namespace {
@@ -13,6 +15,9 @@ namespace {
 constexpr double kSigmaPerSpacing = 0.6;
 // Standard deviation across the surface, as a share of the one along it.
 constexpr double kFlatness = 0.1;
+// Bounds of the spacing among neighbours, as shares of the footprint of a pixel or a cell there: points that
+// coincide must not vanish, nor lonely ones swell.
+constexpr double kMinSpacing = 0.1, kMaxSpacing = 3;
 constexpr double kOpacity = 0.9;
 // Of degree 0: 1 / (2 sqrt(pi)).
 constexpr double kHarmonic = 0.28209479177387814;
@@ -42,10 +47,13 @@ void ExportSplats(const std::vector<Surfel>& surfels,
                                  "float rot_2",
                                  "float rot_3"});
   const auto put = [&](double value) { AppendBytes(static_cast<float>(value), &bytes); };
-  for (const Surfel& surfel : surfels) {
+  const std::vector<double> spacing = PointSpacing(surfels);
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    const Surfel& surfel = surfels[i];
     const Eigen::Vector3d position = target.target_from_scene * surfel.position,
                           normal = target.target_from_scene.rotation * surfel.normal;
-    const double sigma = kSigmaPerSpacing * target.target_from_scene.scale * surfel.spacing;
+    const double share = std::clamp(spacing[i] / surfel.spacing, kMinSpacing, kMaxSpacing);
+    const double sigma = kSigmaPerSpacing * target.target_from_scene.scale * share * surfel.spacing;
     const Eigen::Quaterniond turn(io::RotationBetween(Eigen::Vector3d::UnitZ(), normal));
     for (const double value : position) put(value);
     for (const double value : normal) put(value);

@@ -52,8 +52,8 @@ Surfel SurfelGrid::Mean(const Sum& sum) {
   return mean;
 }
 
-void SurfelGrid::Add(const Surfel& surfel) {
-  Sum sum{surfel, 1 / (surfel.spacing * surfel.spacing)};
+void SurfelGrid::Add(const Surfel& surfel, double weight) {
+  Sum sum{surfel, weight};
   sum.weighted.position *= sum.weight;
   sum.weighted.normal *= sum.weight;
   sum.weighted.rgb *= sum.weight;

@@ -24,8 +24,8 @@ class SurfelGrid {
   // cell: side of the cells to begin with; it grows until at most max_surfels are left.
   SurfelGrid(double cell, std::size_t max_surfels) : cell_(cell), max_surfels_(max_surfels) {}
 
-  // Finer pieces count more in the mean of a cell: by the square of 1 / spacing.
-  void Add(const Surfel& surfel);
+  // weight: in the mean of a cell, > 0.
+  void Add(const Surfel& surfel, double weight);
   // Of every cell the mean; support is the largest. The order depends on the places alone.
   std::vector<Surfel> Thinned();
   double cell() const { return cell_; }

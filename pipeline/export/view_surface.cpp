@@ -19,16 +19,17 @@ constexpr double kSteepest = 6;
 // Fewer points say nothing about a plane.
 constexpr int kMinPoints = 6;
 
-// The normal at pixel (x, y), towards the camera, or 0. Points are relative to the camera.
-Vector3d NormalAt(const ViewSurface& view, double pixel_angle, int x, int y) {
+// The normal at pixel (x, y), towards the camera, or 0; and the evenness. Points are relative to the camera.
+Vector3d NormalAt(const ViewSurface& view, double pixel_angle, int x, int y, float* evenness) {
   const auto at = [&](int column, int row) { return static_cast<std::size_t>(row * view.width + column); };
   const double distance = view.distance[at(x, y)], footprint = pixel_angle * distance;
   const Vector3d place = distance * view.rays[at(x, y)];
   Vector3d sum = Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
-  int n = 0;
+  int n = 0, n_all = 0;
   for (int v = std::max(0, y - kReach); v <= std::min(view.height - 1, y + kReach); ++v) {
     for (int u = std::max(0, x - kReach); u <= std::min(view.width - 1, x + kReach); ++u) {
+      ++n_all;
       const double other = view.distance[at(u, v)];
       const int pixels = std::max(std::abs(u - x), std::abs(v - y));
       if (other == 0 || std::abs(other - distance) > kSteepest * footprint * pixels) continue;
@@ -38,6 +39,7 @@ Vector3d NormalAt(const ViewSurface& view, double pixel_angle, int x, int y) {
       ++n;
     }
   }
+  *evenness = static_cast<float>(n) / static_cast<float>(n_all);
   if (n < kMinPoints) return Vector3d::Zero();
   const Vector3d normal = io::EigenDecomposition(squares - sum * sum.transpose() / n).vectors.col(0);
   return normal.dot(view.rays[at(x, y)]) > 0 ? Vector3d(-normal) : normal;
@@ -56,6 +58,7 @@ ViewSurface MeasureSurface(const nerf::TrainedField& field,
   ViewSurface view{.width = camera.width, .height = camera.height, .rgb = std::move(rendered.rgb)};
   const std::size_t n = rendered.median_depth.size();
   view.rays.resize(n), view.distance.resize(n), view.normals.resize(n), view.support.resize(n);
+  view.evenness.resize(n);
   const double pixel_angle = nerf::PixelAngle(camera);
   const auto height = static_cast<std::size_t>(camera.height), width = static_cast<std::size_t>(camera.width);
   io::ParallelFor(height, threads, [&](std::size_t y) {
@@ -75,8 +78,10 @@ ViewSurface MeasureSurface(const nerf::TrainedField& field,
     for (std::size_t x = 0; x < width; ++x) {
       const std::size_t i = y * width + x;
       view.normals[i].setZero();
-      if (view.distance[i] > 0)
-        view.normals[i] = NormalAt(view, pixel_angle, static_cast<int>(x), static_cast<int>(y)).cast<float>();
+      if (view.distance[i] == 0) continue;
+      view.normals[i] =
+          NormalAt(view, pixel_angle, static_cast<int>(x), static_cast<int>(y), &view.evenness[i])
+              .cast<float>();
     }
   });
   return view;

@@ -16,8 +16,11 @@ struct ViewSurface {
   std::vector<Eigen::Vector3d> rays;     // unit directions in scene coordinates
   std::vector<float> distance;           // along the ray to where half of its light is absorbed; 0: less is
   std::vector<Eigen::Vector3f> normals;  // unit, in scene coordinates, towards the camera; 0: unknown
-  std::vector<std::uint16_t> support;    // training views that saw the same; 0 where the distance is
-  std::vector<float> rgb;                // [height][width][3], sRGB in [0, 1]
+  // Share of a pixel's neighbours that lie on the same surface, itself among them: below 1 at edges, where
+  // the colour is that of both sides.
+  std::vector<float> evenness;
+  std::vector<std::uint16_t> support;  // training views that saw the same; 0 where the distance is
+  std::vector<float> rgb;              // [height][width][3], sRGB in [0, 1]
 };
 
 // Normals are those of planes through a pixel and its neighbours on the same surface. Throws io::Interrupted.

@@ -156,7 +156,7 @@ class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     await drawn();
     const rate = width * height / Math.max(1, performance.now() - began), before = this.rates[quality];
-    this.rates[quality] = before * Math.min(4, Math.max(0.25, rate / before));
+    this.rates[quality] = before * Math.min(2, Math.max(0.25, rate / before));
   }
 
   // Tiles in reading order from the top, each shown as it is done, as long as isWanted(). Whether all were drawn.

@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "io/base/hash.h"
 #include "io/base/owned_folder.h"
 #include "io/scene/transforms.h"
 #include "nerf/training/trainer.h"
@@ -36,6 +37,14 @@ class SmallRun {
     options.field.grid_resolution = 64;
     std::filesystem::create_directories(path_ / folder);
     nerf::Train(scene_, {}, options, path_ / folder);
+  }
+
+  // What the stage would: which checkpoint was trained on what.
+  void RecordTraining() const {
+    WriteText(path_ / "train/train.json",
+              "{\"outputs\": {\"checkpoint.bin\": \"" + io::HashFile(path_ / "train/checkpoint.bin") +
+                  "\"}, \"inputs\": {\"scene/transforms_train.json\": \"" +
+                  io::HashFile(path_ / "scene/transforms_train.json") + "\"}}");
   }
 
   const std::filesystem::path& path() const { return path_; }

@@ -57,7 +57,9 @@ TEST(ColmapModel, TextRoundTripKeepsNamesWithBlanksAndEmptyFeatureLines) {
   ExpectSmallModel(io::ReadColmapModel(folder.path()));
 }
 
-TEST(ColmapModel, WrittenModelsAreReadBackExactly) {
+class WrittenColmapModel : public testing::TestWithParam<io::ColmapForm> {};
+
+TEST_P(WrittenColmapModel, IsReadBackExactly) {
   // One camera for each model that the writer knows, then everything a model holds.
   const io::Camera pinhole{.width = 64, .height = 48, .fl_x = 50.1, .fl_y = 50.1, .cx = 32, .cy = 24.3};
   std::vector<std::pair<std::string, io::Camera>> cases(6, {"SIMPLE_PINHOLE", pinhole});
@@ -70,7 +72,7 @@ TEST(ColmapModel, WrittenModelsAreReadBackExactly) {
     const TempDir folder;
     io::ColmapModel model;
     model.scene.cameras = {camera};
-    io::WriteColmapModel(folder.path(), model);
+    io::WriteColmapModel(folder.path(), model, GetParam());
     const io::ColmapModel read = io::ReadColmapModel(folder.path());
     EXPECT_EQ(read.camera_model, name);
     EXPECT_EQ(read.scene.cameras, model.scene.cameras);
@@ -80,7 +82,10 @@ TEST(ColmapModel, WrittenModelsAreReadBackExactly) {
   const TempDir first, second;
   WriteBinary(SmallModel(), first.path());
   const io::ColmapModel model = io::ReadColmapModel(first.path());
-  io::WriteColmapModel(second.path(), model);
+  io::WriteColmapModel(second.path(), model, GetParam());
+  const bool is_binary = GetParam() == io::ColmapForm::kBinary;
+  EXPECT_EQ(fs::exists(second / "points3D.bin"), is_binary);
+  EXPECT_EQ(fs::exists(second / "points3D.txt"), !is_binary);
   const io::ColmapModel read = io::ReadColmapModel(second.path());
   ExpectSmallModel(read);
   EXPECT_EQ(read.observations, model.observations);
@@ -98,6 +103,10 @@ TEST(ColmapModel, WrittenModelsAreReadBackExactly) {
     EXPECT_EQ(model.scene.points[i].frame_indices, read.scene.points[i].frame_indices);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Forms,
+                         WrittenColmapModel,
+                         testing::Values(io::ColmapForm::kText, io::ColmapForm::kBinary));
 
 TEST(ColmapModel, ReadsTheBookModel) {
   const char* data = std::getenv("PIPELINE_DATA");

@@ -92,6 +92,32 @@ TEST_F(TransformsWriter, MasksComeBackAndMayBeMissingFromSomeFrames) {
   EXPECT_THROW(io::WriteTransforms(json_, scene, ""), io::Error);
 }
 
+TEST_F(TransformsWriter, NerfSyntheticDialectComesBack) {
+  io::Scene scene = AwkwardScene(folder_);
+  const io::Camera other = scene.cameras[0];
+  scene.cameras[0] = {.width = other.width, .height = other.height, .fl_x = 30, .fl_y = 30};
+  scene.cameras[0].cx = 0.5 * other.width, scene.cameras[0].cy = 0.5 * other.height;
+  io::WriteBlenderTransforms(json_, scene);
+  const std::string text = io::ReadFile(json_);
+  EXPECT_EQ(text.find(".png"), std::string::npos);  // readers add it
+  EXPECT_EQ(text.find("fl_x"), std::string::npos);
+  io::TransformsFile file = io::ReadTransforms(json_);
+  EXPECT_EQ(file.dialect, io::TransformsDialect::kBlender);
+  EXPECT_NEAR(file.scene.cameras[0].fl_x, 30, 1e-12);
+  file.scene.cameras[0].fl_x = file.scene.cameras[0].fl_y = 30;
+  EXPECT_THAT(file.scene, tests::SceneNear(scene, 0));
+
+  // What the angle does not say stands beside it.
+  scene.cameras[0] = other;
+  io::WriteBlenderTransforms(json_, scene);
+  EXPECT_THAT(io::ReadTransforms(json_).scene, tests::SceneNear(scene, 0));
+  scene.cameras.push_back(other);
+  scene.cameras[1].fl_x += 1;
+  scene.frames[1].camera_index = 1;
+  io::WriteBlenderTransforms(json_, scene);
+  EXPECT_THAT(io::ReadTransforms(json_).scene, tests::SceneNear(scene, 0));
+}
+
 TEST_F(TransformsWriter, RefusesToWriteAPictureOutsideTheFolder) {
   io::Scene scene = AwkwardScene(folder_ / "elsewhere");
   EXPECT_THROW(io::WriteTransforms(folder_ / "x/transforms.json", scene, ""), io::Error);

@@ -36,6 +36,7 @@ class TrainedBall : public testing::Test {
     FieldConfig config = trained_->field->Config();
     config["samples"] = quadrature.n_samples;
     config["importance_samples"] = quadrature.n_importance;
+    config["open_end"] = quadrature.open_end;
     auto field = std::make_unique<MlpField>(config);
     const std::span<float> weights = TensorOf(trained_->field.get(), "weights"),
                            copy = TensorOf(field.get(), "weights");
@@ -96,6 +97,28 @@ void Occupy(const std::vector<Ray>& rays, SceneField* scene_field) {
     for (std::size_t i = 0; i < t.size(); ++i) grid.Visit(samples.cell[i], sigma[i]);
   }
   grid.Rebuild();
+}
+
+TEST_F(TrainedBall, MedianDepthIsTheSameByBothQuadratures) {
+  io::Workers workers(2);
+  const auto rays = [&](const SceneField& scene_field) {
+    return RenderRays(scene_field, rays_, 1, 0.2f, &workers);
+  };
+  const std::unique_ptr<SceneField> pruned_field = With({});
+  Occupy(rays_, pruned_field.get());
+  const std::vector<RenderedRay> pruned = rays(*pruned_field);
+  for (const bool open_end : {false, true}) {
+    const std::vector<RenderedRay> stratified = rays(*With({.n_samples = 512, .open_end = open_end}));
+    int n = 0;
+    for (std::size_t i = 0; i < pruned.size(); ++i) {
+      if (std::abs(pruned[i].transmittance - 0.5f) < 0.2f) continue;  // on the verge
+      EXPECT_EQ(std::isfinite(pruned[i].median_depth), pruned[i].transmittance < 0.5f);
+      if (pruned[i].transmittance > 0.5f) continue;
+      EXPECT_NEAR(stratified[i].median_depth, pruned[i].median_depth, 0.02) << i;
+      ++n;
+    }
+    EXPECT_GT(n, 10);
+  }
 }
 
 TEST_F(TrainedBall, LooksTheSameWithEverySampling) {

@@ -63,6 +63,15 @@ TEST_F(RayRenderer, RayEndsAtFarOrWhereItIsOpaqueAndIsNotRenormalised) {
   EXPECT_GT(stopped, 0.5f * kEarlyStopTransmittance) << "the wave after the stop was still followed";
 }
 
+TEST_F(RayRenderer, MedianDepthIsWhereHalfTheLightIsAbsorbed) {
+  Fill();
+  const double exact = std::log(2.0) / std::exp(-1.0);
+  // It does not depend on where the samples lie.
+  for (const float step_scale : {0.3f, 1.f, 7.f})
+    EXPECT_NEAR(RenderAlong({{0, 0, 0}, {0, 0, 1}}, step_scale).median_depth, exact, 1e-4) << step_scale;
+  EXPECT_TRUE(std::isinf(RenderAlong({{0, 0, 49}, {0, 0, 1}}).median_depth));
+}
+
 // Seen from a corner of the cube, pixels are means over rays of different lengths through fog.
 TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
   Fill();

@@ -60,6 +60,17 @@ TEST(SupportMap, ATrainingViewHasObservedAllOfItself) {
   for (const int n : support.views) EXPECT_GE(n, 1);
 }
 
+TEST(SupportMap, OnePointIsSupportedAsThePixelThatShowsIt) {
+  const io::Scene train = CamerasAt({-20, 0, 20, 180});
+  const nerf::SupportMap map(tests::SphereField(), train, 1);
+  const double pixel_angle = nerf::PixelAngle(train.cameras[0]);
+  const Vector3d film_centre = train.frames[1].world_from_cam.translation;
+  EXPECT_EQ(map.ViewsOf({1, 0, 0}, film_centre, pixel_angle), 3);
+  EXPECT_EQ(map.ViewsOf({-1, 0, 0}, train.frames[3].world_from_cam.translation, pixel_angle), 1);
+  EXPECT_EQ(map.ViewsOf({1.5, 0, 0}, film_centre, pixel_angle),
+            1);  // in the air: right for its own ray alone
+}
+
 TEST(SupportMap, MasksHideWhatTheyLeaveOut) {
   io::Scene train = CamerasAt({0});
   const std::filesystem::path path =

@@ -1,0 +1,131 @@
+// The command: every export of a small trained run in one call, and what it refuses before any work.
+#include "pipeline/export/export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "io/base/error.h"
+#include "io/scene/ply.h"
+#include "io/scene/transforms.h"
+#include "tests/support/small_run.h"
+#include "tests/support/sphere_export.h"
+
+namespace pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using io::ExitCode;
+using testing::HasSubstr;
+
+class ExportCommand : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    small_ = new tests::SmallRun();
+    small_->Train("train");
+    small_->RecordTraining();
+  }
+  static void TearDownTestSuite() { delete small_; }
+
+  // The exit code; what was printed is in output_ and error_.
+  int Run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"pipeline export", small_->path().string()});
+    std::vector<const char*> argv;
+    for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    const int code = RunExport(static_cast<int>(argv.size()), argv.data());
+    output_ = testing::internal::GetCapturedStdout();
+    error_ = testing::internal::GetCapturedStderr();
+    return code;
+  }
+  void ExpectRefused(ExitCode code, const std::vector<std::string>& arguments, const std::string& text) {
+    EXPECT_EQ(Run(arguments), static_cast<int>(code)) << error_;
+    EXPECT_THAT(error_, HasSubstr(text));
+    EXPECT_EQ(CountEntries(dir_.path()), 0) << text;
+  }
+  std::string Path(const std::string& name) const { return (dir_ / name).string(); }
+
+  static inline tests::SmallRun* small_ = nullptr;
+  const TempDir dir_;
+  std::string output_, error_;
+};
+
+TEST_F(ExportCommand, WritesAllKindsInOneCall) {
+  ASSERT_EQ(Run({"--cameras=" + Path("c"),
+                 "--points=" + Path("p.ply"),
+                 "--depth=" + Path("d"),
+                 "--splats=" + Path("s.ply"),
+                 "--max-points=2000",
+                 "--threads=2",
+                 "--points-apart=0,0,0,0,0,1=2"}),
+            0)
+      << error_;
+  EXPECT_EQ(io::ReadTransforms(dir_ / "c/transforms.json").scene.frames.size(), 8u);
+  EXPECT_FALSE(fs::exists(dir_ / "c/transforms_test.json"));  // the run has no test views
+  EXPECT_TRUE(fs::exists(dir_ / "d/depth.json"));
+  const std::vector<io::Point3D> points = io::ReadPly(dir_ / "p.ply");
+  EXPECT_GT(points.size(), 500u);
+  EXPECT_LE(points.size(), 2000u);
+  // A ball of radius 0.8, doubled; after few steps the field is soft.
+  std::vector<double> radii;
+  for (const io::Point3D& point : points) radii.push_back(point.xyz.norm());
+  std::nth_element(radii.begin(), radii.begin() + static_cast<long>(radii.size() / 2), radii.end());
+  EXPECT_NEAR(radii[radii.size() / 2], 1.6, 0.25);
+  EXPECT_EQ(tests::PlyColumns(dir_ / "s.ply")["opacity"].size(), points.size());
+  EXPECT_THAT(output_,
+              HasSubstr("splats  " + Path("s.ply") + "  " + std::to_string(points.size()) + " points"));
+
+  // The same bytes for another number of threads, over the first files.
+  const std::string before = ReadText(dir_ / "p.ply");
+  ASSERT_EQ(
+      Run({"--points=" + Path("p.ply"), "--max-points=2000", "--threads=1", "--points-apart=0,0,0,0,0,1=2"}),
+      0)
+      << error_;
+  EXPECT_EQ(ReadText(dir_ / "p.ply"), before);
+}
+
+TEST_F(ExportCommand, OptionsAreCheckedBeforeAnyWork) {
+  ExpectRefused(ExitCode::kUsage, {}, "nothing to export");
+  for (const std::string flag : {"--frame=world",
+                                 "--points-apart=1,2,3=1",
+                                 "--max-points=0",
+                                 "--view-size=-1",
+                                 "--view-size=16385",
+                                 "--threads=-1",
+                                 "--cameras="})
+    ExpectRefused(
+        ExitCode::kUsage, {"--points=" + Path("a.ply"), flag}, flag.substr(0, flag.find('=')) + ": ");
+  ExpectRefused(ExitCode::kUsage, {"--points=" + Path("a.obj"), "--cameras=" + Path("c")}, "a.obj");
+  ExpectRefused(ExitCode::kUsage,
+                {"--points=" + Path("c/a.ply"), "--cameras=" + Path("c")},
+                "lies in that of --cameras");
+  ExpectRefused(ExitCode::kUsage, {"--points=" + Path("a.ply"), "--splats=" + Path("a.ply")}, "lies in that");
+  ExpectRefused(ExitCode::kUsage, {"--cameras=" + (small_->path() / "scene").string()}, "run folder");
+}
+
+TEST_F(ExportCommand, RunsThatLackSomethingAreNamed) {
+  const fs::path train = small_->path() / "train", away = small_->path() / "away";
+  fs::rename(train, away);
+  ExpectRefused(ExitCode::kBadInput, {"--points=" + Path("a.ply")}, "train/checkpoint.bin: no such file");
+  EXPECT_EQ(Run({"--cameras=" + Path("c")}), 0) << error_;  // needs no field
+  fs::remove_all(dir_ / "c");
+  fs::rename(away, train);
+  const fs::path scene = small_->path() / "scene";
+  fs::rename(scene, away);
+  ExpectRefused(ExitCode::kBadInput, {"--cameras=" + Path("c")}, "transforms_train.json: no such file");
+  fs::rename(away, scene);
+}
+
+TEST_F(ExportCommand, AFieldOfAnotherSceneIsRefused) {
+  const fs::path poses = small_->path() / "scene/transforms_train.json";
+  const std::string before = ReadText(poses);
+  WriteText(poses, before + " ");
+  ExpectRefused(ExitCode::kBadState, {"--depth=" + Path("d")}, "differs from what");
+  WriteText(poses, before);
+  WriteText(small_->path() / "train/train.json", "{}");
+  ExpectRefused(ExitCode::kBadState, {"--depth=" + Path("d")}, "is not the checkpoint");
+  small_->RecordTraining();
+}
+
+}  // namespace
+}  // namespace pipeline
