@@ -30,7 +30,10 @@ function cameraOf(v, width, height) {
 // the finest. Whether the picture was drawn.
 async function drawNext() {
   const [width, height] = fullSize(), area = width * height;
-  if (picture.width !== width || picture.height !== height) Object.assign(picture, { width, height });
+  if (picture.width !== width || picture.height !== height) {
+    Object.assign(picture, { width, height });
+    renderer.present();  // what was shown, until there is better
+  }
   const moving = dirty, quality = moving ? 0 : sharpness >= 1 ? 2 : 1;
   const rate = renderer.rates[0];
   const small = Math.max(rate * kFrameMs, Math.min(kLeastArea, rate * kSlowFrameMs)) / area;
@@ -111,6 +114,7 @@ async function start() {
   byId('photo').append(...scene.cameras.map((camera, i) => new Option(camera.name, i)));
   home = viewOf(scene.cameras[0]);
   readAddress();
+  picture.focus();
 }
 
 byId('photo').addEventListener('change', (event) =>

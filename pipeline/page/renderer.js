@@ -7,7 +7,7 @@ const kQualities = [
   { least_transmittance: 1e-4, least_weight: 0.25, step_scale: () => 1, rays: () => 1 },
   { least_transmittance: 1e-4, least_weight: 0.01, step_scale: (space) => space.step_scale, rays: (space) => space.rays_per_pixel },
 ];
-const kTileMs = 60, kLeastTile = 24;  // [ms], [px]; smaller tiles are mostly overhead
+const kTileMs = 60, kLeastTile = 32;  // [ms], [px]; smaller tiles are mostly overhead
 const kPresentMs = 100;
 const kTableWidth = 2048;  // every WebGL 2 has textures of that size
 
@@ -159,7 +159,8 @@ class Renderer {
     this.rates[quality] = before * Math.min(2, Math.max(0.25, rate / before));
   }
 
-  // Tiles in reading order from the top, each shown as it is done, as long as isWanted(). Whether all were drawn.
+  // Tiles in reading order from the top, shown as they are done, as long as isWanted(); while the view moves, a tile for
+  // all, whose size the caller bounds. Whether all were drawn.
   async draw(camera, quality, isWanted) {
     const { width, height } = camera;
     resizeTarget(this.next, width, height);
@@ -167,7 +168,7 @@ class Renderer {
     this.aim(camera, quality);
     for (let top = 0, side; top < height; top += side) {
       side = Math.max(kLeastTile, Math.round(Math.sqrt(this.rates[quality] * kTileMs)));
-      if (side * side > width * height / 2) side = Math.max(width, height);
+      if (quality === 0 || side * side > width * height / 2) side = Math.max(width, height);
       for (let left = 0; left < width; left += side) {
         const rows = Math.min(side, height - top), columns = Math.min(side, width - left);
         await this.drawTile(left, height - top - rows, columns, rows, quality);
@@ -176,11 +177,12 @@ class Renderer {
       }
     }
     [this.shown, this.next] = [this.next, this.shown];
-    this.present(this.shown);
+    this.present();
     return !gl.isContextLost();
   }
 
-  present(target) {
+  present(target = this.shown) {
+    if (target.width === 0) return;
     this.presented = performance.now();
     copyTarget(target, { frame: null, width: gl.drawingBufferWidth, height: gl.drawingBufferHeight });
   }
