@@ -27,7 +27,7 @@ function cameraOf(v, width, height) {
 }
 
 // Small pictures while the view moves; at rest four times as many pixels from picture to picture, and at last
-// the finest. Whether the picture was drawn.
+// the finest.
 async function drawNext() {
   const [width, height] = fullSize(), area = width * height;
   if (picture.width !== width || picture.height !== height) {
@@ -41,10 +41,9 @@ async function drawNext() {
   const size = [width, height].map((side) => Math.max(8, Math.round(side * Math.sqrt(share))));
   dirty = false;
   const began = performance.now();
-  if (!await renderer.draw(cameraOf(view, ...size), quality, () => !interrupted && (moving || !dirty))) return false;
+  if (!await renderer.draw(cameraOf(view, ...size), quality, () => !interrupted && (moving || !dirty))) return;
   sharpness = quality === 2 ? 2 : share;
   byId('status').textContent = `${size.join('x')}, ${(performance.now() - began).toFixed(0)} ms`;
-  return true;
 }
 
 async function refresh() {
@@ -105,7 +104,7 @@ function fail(text) {
 
 async function start() {
   if (!gl) return fail('This browser has no WebGL 2. A newer one, or another, shows the scene.');
-  if (!window.DecompressionStream) return fail('This browser is too old to unpack the scene; one of 2023 or later shows it.');
+  if (!window.DecompressionStream) return fail('This browser is too old; one of 2023 or later shows the scene.');
   picture.addEventListener('webglcontextlost', () => fail('The graphics card gave up. Load the page again.'));
   scene = JSON.parse(byId('scene').textContent);
   byId('name').textContent = document.title = scene.name;

@@ -5,7 +5,8 @@
 const kQualities = [
   { least_transmittance: 1e-2, least_weight: 2, step_scale: () => 1, rays: () => 1 },
   { least_transmittance: 1e-4, least_weight: 0.25, step_scale: () => 1, rays: () => 1 },
-  { least_transmittance: 1e-4, least_weight: 0.01, step_scale: (space) => space.step_scale, rays: (space) => space.rays_per_pixel },
+  { least_transmittance: 1e-4, least_weight: 0.01, step_scale: (space) => space.step_scale,
+    rays: (space) => space.rays_per_pixel },
 ];
 const kTileMs = 60, kLeastTile = 32;  // [ms], [px]; smaller tiles are mostly overhead
 const kPresentMs = 100;
@@ -33,7 +34,8 @@ function makeProgram(description) {
     return shader;
   };
   // One triangle that covers everything.
-  attach(gl.VERTEX_SHADER, 'void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }');
+  attach(gl.VERTEX_SHADER,
+    'void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }');
   const fragment = attach(gl.FRAGMENT_SHADER, shaderConstants(description) + byId('shader').textContent);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
