@@ -165,8 +165,7 @@ int RunExport(int argc, const char* const* argv) {
     AddExportOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
     CheckTargets(options);
-    const bool reads_field = options.NeedsField() || !options.page.empty();
-    if (reads_field && NeedsTorch(options.run / "train/checkpoint.bin"))
+    if (options.NeedsField() && NeedsTorch(options.run / "train/checkpoint.bin"))
       ContinueWithTorch("export", argc, argv);
     Export(options);
   });

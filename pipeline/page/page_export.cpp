@@ -30,7 +30,8 @@ std::string Fill(std::string_view page, const std::map<std::string, std::string,
 // In a script element "</script>" and "<!--" would end what is meant as text.
 std::string ScriptJson(const nlohmann::ordered_json& json) {
   std::string text;
-  for (const char c : json.dump(-1, ' ', true)) text += c == '<' ? "\\u003c" : std::string(1, c);
+  for (const char c : json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace))
+    text += c == '<' ? "\\u003c" : std::string(1, c);
   return text;
 }
 
@@ -59,7 +60,7 @@ std::size_t ExportPage(const io::Scene& train,
                     file.string() + ": would have " + std::to_string(page.size() >> 20) +
                         " MiB, more than the " + std::to_string(kMaxPageBytes >> 20) +
                         " MiB that phones open",
-                    "Train with smaller tables");
+                    "Train with --log2-hashmap-size 19");
   io::WriteFileAtomically(file, page);
   return page.size();
 }

@@ -1,7 +1,8 @@
 // A scene that plays in the browser alone: looks around in it as `pipeline view` does, without a server.
 
-const kFrameMs = 80;       // of the time between two pictures while a hand moves
-const kRestMs = 120;       // without motion, before the picture is sharpened
+// Time between two pictures while a hand moves [ms]; longer where the picture had fewer pixels else.
+const kFrameMs = 80, kSlowFrameMs = 350, kLeastArea = 12000;
+const kRestMs = 120;  // without motion, before the picture is sharpened
 let renderer = null, interrupted = false, dirty = false, refreshing = false, movedAt = 0, sharpness = 0;
 
 // There are no photos here.
@@ -26,20 +27,23 @@ function cameraOf(v, width, height) {
 }
 
 // Small pictures while the view moves; at rest four times as many pixels from picture to picture, and at last
-// the finest. Whether the picture was drawn.
+// the finest.
 async function drawNext() {
   const [width, height] = fullSize(), area = width * height;
-  if (picture.width !== width || picture.height !== height) Object.assign(picture, { width, height });
+  if (picture.width !== width || picture.height !== height) {
+    Object.assign(picture, { width, height });
+    renderer.present();  // what was shown, until there is better
+  }
   const moving = dirty, quality = moving ? 0 : sharpness >= 1 ? 2 : 1;
-  const small = Math.max(1500, renderer.rates[0] * kFrameMs) / area;
+  const rate = renderer.rates[0];
+  const small = Math.max(rate * kFrameMs, Math.min(kLeastArea, rate * kSlowFrameMs)) / area;
   const share = Math.min(1, moving ? small : sharpness >= 1 ? 1 : sharpness * 4);
   const size = [width, height].map((side) => Math.max(8, Math.round(side * Math.sqrt(share))));
   dirty = false;
   const began = performance.now();
-  if (!await renderer.draw(cameraOf(view, ...size), quality, () => !interrupted && (moving || !dirty))) return false;
+  if (!await renderer.draw(cameraOf(view, ...size), quality, () => !interrupted && (moving || !dirty))) return;
   sharpness = quality === 2 ? 2 : share;
   byId('status').textContent = `${size.join('x')}, ${(performance.now() - began).toFixed(0)} ms`;
-  return true;
 }
 
 async function refresh() {
@@ -100,7 +104,7 @@ function fail(text) {
 
 async function start() {
   if (!gl) return fail('This browser has no WebGL 2. A newer one, or another, shows the scene.');
-  if (!window.DecompressionStream) return fail('This browser is too old to unpack the scene; one of 2023 or later shows it.');
+  if (!window.DecompressionStream) return fail('This browser is too old; one of 2023 or later shows the scene.');
   picture.addEventListener('webglcontextlost', () => fail('The graphics card gave up. Load the page again.'));
   scene = JSON.parse(byId('scene').textContent);
   byId('name').textContent = document.title = scene.name;
@@ -109,6 +113,7 @@ async function start() {
   byId('photo').append(...scene.cameras.map((camera, i) => new Option(camera.name, i)));
   home = viewOf(scene.cameras[0]);
   readAddress();
+  picture.focus();
 }
 
 byId('photo').addEventListener('change', (event) =>

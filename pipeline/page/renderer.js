@@ -1,12 +1,14 @@
 // The field in WebGL 2: pictures of a view, drawn tile by tile, so that no draw call holds the graphics card up.
 
-// Quality 0 while the view moves, 1 at rest, 2 as the program renders.
+// Quality 0 while the view moves, 1 at rest, 2 as the program renders. Samples share colours until they weigh
+// least_weight together.
 const kQualities = [
   { least_transmittance: 1e-2, least_weight: 2, step_scale: () => 1, rays: () => 1 },
   { least_transmittance: 1e-4, least_weight: 0.25, step_scale: () => 1, rays: () => 1 },
-  { least_transmittance: 1e-4, least_weight: 1e-3, step_scale: (space) => space.step_scale, rays: (space) => space.rays_per_pixel },
+  { least_transmittance: 1e-4, least_weight: 0.01, step_scale: (space) => space.step_scale,
+    rays: (space) => space.rays_per_pixel },
 ];
-const kTileMs = 60, kLeastTile = 24;  // [ms], [px]; smaller tiles are mostly overhead
+const kTileMs = 60, kLeastTile = 32;  // [ms], [px]; smaller tiles are mostly overhead
 const kPresentMs = 100;
 const kTableWidth = 2048;  // every WebGL 2 has textures of that size
 
@@ -32,7 +34,8 @@ function makeProgram(description) {
     return shader;
   };
   // One triangle that covers everything.
-  attach(gl.VERTEX_SHADER, 'void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }');
+  attach(gl.VERTEX_SHADER,
+    'void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }');
   const fragment = attach(gl.FRAGMENT_SHADER, shaderConstants(description) + byId('shader').textContent);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
@@ -155,10 +158,11 @@ class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     await drawn();
     const rate = width * height / Math.max(1, performance.now() - began), before = this.rates[quality];
-    this.rates[quality] = before * Math.min(4, Math.max(0.25, rate / before));
+    this.rates[quality] = before * Math.min(2, Math.max(0.25, rate / before));
   }
 
-  // Tiles in reading order from the top, each shown as it is done, as long as isWanted(). Whether all were drawn.
+  // Tiles in reading order from the top, shown as they are done, as long as isWanted(); while the view moves, a tile for
+  // all, whose size the caller bounds. Whether all were drawn.
   async draw(camera, quality, isWanted) {
     const { width, height } = camera;
     resizeTarget(this.next, width, height);
@@ -166,7 +170,7 @@ class Renderer {
     this.aim(camera, quality);
     for (let top = 0, side; top < height; top += side) {
       side = Math.max(kLeastTile, Math.round(Math.sqrt(this.rates[quality] * kTileMs)));
-      if (side * side > width * height / 2) side = Math.max(width, height);
+      if (quality === 0 || side * side > width * height / 2) side = Math.max(width, height);
       for (let left = 0; left < width; left += side) {
         const rows = Math.min(side, height - top), columns = Math.min(side, width - left);
         await this.drawTile(left, height - top - rows, columns, rows, quality);
@@ -175,11 +179,12 @@ class Renderer {
       }
     }
     [this.shown, this.next] = [this.next, this.shown];
-    this.present(this.shown);
+    this.present();
     return !gl.isContextLost();
   }
 
-  present(target) {
+  present(target = this.shown) {
+    if (target.width === 0) return;
     this.presented = performance.now();
     copyTarget(target, { frame: null, width: gl.drawingBufferWidth, height: gl.drawingBufferHeight });
   }

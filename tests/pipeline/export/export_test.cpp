@@ -107,6 +107,17 @@ TEST_F(ExportCommand, ACropBoxCutsPointsAndMesh) {
   EXPECT_FALSE(fs::exists(dir_ / "none.ply"));
 }
 
+TEST_F(ExportCommand, WritesAPageAndReplacesOnlyItsOwn) {
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_EQ(Run({"--page=" + Path("scene.html")}), 0) << error_;
+    EXPECT_THAT(output_, HasSubstr("page    " + Path("scene.html")));
+  }
+  EXPECT_THAT(ReadText(dir_ / "scene.html"), HasSubstr("a run"));
+  WriteText(dir_ / "mine.html", "mine");
+  EXPECT_EQ(Run({"--page=" + Path("mine.html")}), static_cast<int>(ExitCode::kBadInput));
+  EXPECT_EQ(ReadText(dir_ / "mine.html"), "mine");
+}
+
 TEST_F(ExportCommand, OptionsAreCheckedBeforeAnyWork) {
   ExpectRefused(ExitCode::kUsage, {}, "nothing to export");
   for (const std::string flag : {"--frame=world",
