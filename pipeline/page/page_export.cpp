@@ -56,7 +56,7 @@ std::size_t ExportPage(const io::Scene& train,
                                  {"FIELD", payload.description},
                                  {"BYTES", io::Base64(io::Gzip(payload.bytes))}});
   if (page.size() > kMaxPageBytes)
-    throw io::Error(io::ExitCode::kNoResources,
+    throw io::Error(io::ExitCode::kBadInput,
                     file.string() + ": would have " + std::to_string(page.size() >> 20) +
                         " MiB, more than the " + std::to_string(kMaxPageBytes >> 20) +
                         " MiB that phones open",

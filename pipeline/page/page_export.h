@@ -12,8 +12,8 @@ namespace pipeline {
 inline constexpr std::size_t kMaxPageBytes = 40 << 20;
 
 // The view starts at the first camera of `train`. Returns the size of the file in bytes. Throws kBadInput for
-// a field of another kind than `hash`, kBadState for a damaged checkpoint, kNoResources for a page that would
-// be too large or a full disk.
+// a field of another kind than `hash` or too large a page, kBadState for a damaged checkpoint, kNoResources
+// for a full disk.
 std::size_t ExportPage(const io::Scene& train,
                        const std::filesystem::path& checkpoint,
                        const std::string& name,

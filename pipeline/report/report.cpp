@@ -6,6 +6,7 @@
 #include "io/base/quoting.h"
 #include "pipeline/report/report.h"
 #include "pipeline/report/report_page.h"
+#include "pipeline/report/scene_page.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
@@ -34,6 +35,7 @@ std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
                            "scene/transforms_test.json",
                            "scene/points.ply",
                            "train/curve.csv",
+                           "train/checkpoint.bin",
                            "evaluate/metrics.json",
                            "evaluate/compare",
                            "render/novel_view.mp4",
@@ -46,18 +48,24 @@ std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
   return inputs;
 }
 
-// report.html lies outside the stage's folder; its record says which page belongs to it.
-bool PageIsIntact(const fs::path& run_folder, const fs::path& page) {
+// Of a file that may not be there.
+std::string HashOf(const fs::path& path) { return fs::is_regular_file(path) ? io::HashFile(path) : ""; }
+
+// Both pages lie outside the stage's folder; its record says which belong to it.
+bool PagesAreIntact(const fs::path& run_folder, const fs::path& page) {
   const Json record = ReadStageRecord(run_folder, "report");
-  return record.is_object() && record.contains("page_hash") && fs::is_regular_file(page) &&
-         record["page_hash"] == io::HashFile(page);
+  return record.is_object() && TextAt(record, "page_hash") == HashOf(page) && fs::is_regular_file(page) &&
+         TextAt(record, "scene_page_hash") == HashOf(ScenePagePath(run_folder));
 }
 
 void Report(CommonOptions common, const Options& bound) {
   const fs::path page_path = common.out / "report.html";
-  if (!PageIsIntact(common.out, page_path)) common.force = true;
+  if (!PagesAreIntact(common.out, page_path)) common.force = true;
   StageRun stage("report", common, bound, ReportInputs(common.out));
   if (stage.IsUpToDate()) return;
+  const std::string scene_page = WriteScenePage(common.out);
+  if (!scene_page.empty()) stage.Decide(scene_page);
+  stage.Set("scene_page_hash", HashOf(ScenePagePath(common.out)));
   const std::string page = ReportPage(GatherReport(stage.run_folder()));
   io::WriteFileAtomically(page_path, page);
   stage.Set("page_hash", io::HashBytes(page));
@@ -74,7 +82,8 @@ int RunReport(int argc, const char* const* argv) {
     CommonOptions common;
     Options bound(
         "pipeline report",
-        "Writes report.html: film, unseen views, cameras and points, training curve, times, decisions.");
+        "Writes report.html: film, unseen views, cameras and points, training curve, times, decisions; "
+        "and scene.html, in which any browser looks around in the field.");
     AddCommonOptions(&bound, &common);
     if (bound.Parse(argc, argv)) Report(common, bound);
   });

@@ -9,6 +9,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/quoting.h"
+#include "pipeline/report/scene_page.h"
 #include "pipeline/stage/frames.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
@@ -187,6 +188,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   };
   data.film = film("novel_view.mp4"), data.depth_film = film("depth.mp4");
   data.support_film = film("support.mp4");
+  data.has_scene_page = fs::is_regular_file(ScenePagePath(run_folder));
   data.support = FindSupportPictures(run_folder / "render");
   data.scene_json = ScenePlotJson(run_folder);
   return data;

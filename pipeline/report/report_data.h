@@ -59,6 +59,7 @@ struct ReportData {
 
   std::filesystem::path film, depth_film, support_film;  // empty when missing
   std::vector<SupportPictures> support;
+  bool has_scene_page = false;
   int film_frames = 0;
   double film_ms_per_frame = 0;
   std::string scene_json;  // cameras, points and film path for the plot; empty when there is no scene

@@ -113,6 +113,10 @@ std::string SupportPart(const ReportData& data) {
 
 std::string FilmSection(const ReportData& data) {
   std::string html = "<h2>Film</h2>\n";
+  if (data.has_scene_page)
+    html +=
+        "<p><a href=\"scene.html\">Look around in the scene</a> (scene.html beside this page, for any "
+        "browser with WebGL 2)</p>\n";
   if (data.film.empty()) return html + Soft("No film: the stage render has not finished.");
   html += VideoElement(data.film, "autoplay");
   if (data.film_ms_per_frame > 0) {

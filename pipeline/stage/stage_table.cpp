@@ -33,7 +33,11 @@ std::span<const StageEntry> StageTable() {
        "scene/ train/",
        "evaluate/metrics.json renders/ compare/"},
       {"render", "render the novel-view film", "render", "scene/ train/", "render/novel_view.mp4"},
-      {"report", "write one self-contained report.html", "report", "all of the above", "report.html"},
+      {"report",
+       "write report.html and the page to look around in",
+       "report",
+       "all of the above",
+       "report.html, scene.html"},
   };
   return kTable;
 }
