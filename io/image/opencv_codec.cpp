@@ -50,19 +50,24 @@ void CheckWebpHeader(std::string_view file) {
 std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
   constexpr std::uint32_t kSubfileType = 254, kWidth = 256, kHeight = 257, kPhotometric = 262,
                           kOrientation = 274, kDngVersion = 50706;
-  constexpr std::uint32_t kShort = 3, kCmyk = 5, kReducedPicture = 1;
+  constexpr std::uint32_t kShort = 3, kLong = 4, kCmyk = 5, kReducedPicture = 1;
   const bool big = file[0] == 'M';
   const std::size_t directory = Number(file, 4, 4, big);
   const std::uint32_t n_entries = Number(file, directory, 2, big);
   double width = 0, height = 0;
   std::optional<std::size_t> orientation;
+  // Decoders read further types and the first of several values: sizes that we did not check.
+  const auto set_side = [](double* side, std::uint32_t type, double value) {
+    if (*side != 0 || (type != kShort && type != kLong)) Refuse("the size in its header is damaged");
+    *side = value;
+  };
   for (std::uint32_t i = 0; i < n_entries; ++i) {
     const std::size_t entry = directory + 2 + 12 * i;
     const std::uint32_t tag = Number(file, entry, 2, big);
-    const std::uint32_t value =
-        Number(file, entry + 8, Number(file, entry + 2, 2, big) == kShort ? 2 : 4, big);
-    if (tag == kWidth) width = value;
-    if (tag == kHeight) height = value;
+    const std::uint32_t type = Number(file, entry + 2, 2, big);
+    const std::uint32_t value = Number(file, entry + 8, type == kShort ? 2 : 4, big);
+    if (tag == kWidth) set_side(&width, type, value);
+    if (tag == kHeight) set_side(&height, type, value);
     if (tag == kOrientation) orientation = entry + 8;
     if (tag == kPhotometric && value == kCmyk) Refuse("CMYK TIFF. Convert it to an sRGB PNG or JPEG");
     if (tag == kDngVersion || (tag == kSubfileType && (value & kReducedPicture) != 0)) {

@@ -312,6 +312,24 @@ TEST(Photo, BombsAreRefusedByTheirHeader) {
   EXPECT_NE(ReasonFor(jpeg).find("30000 x 30000"), std::string::npos);
 }
 
+// Decoders take the first of two widths, and widths of 64 bits.
+TEST(Photo, TiffsWhoseSizeIsNotWhatWasCheckedAreRefused) {
+  const std::string tiff = Encode(".tiff", Picture(CV_8UC3));
+  ASSERT_EQ(tiff[0], 'I');
+  std::uint32_t directory = 0;
+  std::uint16_t n_entries = 0;
+  std::memcpy(&directory, &tiff[4], 4);
+  std::memcpy(&n_entries, &tiff[directory], 2);
+  const std::string width = {0, 1, 3, 0, 1, 0, 0, 0, 1, 0, 0, 0};
+  const std::size_t first = directory + 2, last = first + 12 * (n_entries - 1u);
+  ASSERT_EQ(tiff.substr(first, 2), width.substr(0, 2));
+  std::string twice = tiff, wide = tiff;
+  twice.replace(last, 12, width);
+  EXPECT_NE(ReasonFor(twice).find("size in its header"), std::string::npos);
+  wide[first + 2] = 16;
+  EXPECT_NE(ReasonFor(wide).find("size in its header"), std::string::npos);
+}
+
 TEST(Photo, CameraRawInATiffIsRefusedByName) {
   std::string tiff = Encode(".tiff", Picture(CV_8UC3));
   ASSERT_EQ(tiff[0], 'I');
