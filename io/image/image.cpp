@@ -53,21 +53,27 @@ void WriteImage(const std::filesystem::path& path, const Image& image) {
 
 Image ResizeArea(const Image& image, int width, int height) {
   if (image.width == width && image.height == height) return image;
-  cv::Mat source;
-  ToMat(image).convertTo(source, CV_32F, 1.0 / 255.0);
   const int n = image.channels;
-  if (n == 4) {
-    source.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
-      for (int c = 0; c < 3; ++c) p[c] *= p[3];
-    });
+  // Channel by channel: large photos in float are what takes most memory of all.
+  const auto as_float = [&](int channel) {
+    cv::Mat values;
+    cv::extractChannel(ToMat(image), values, channel);
+    values.convertTo(values, CV_32F, 1.0 / 255.0);
+    return values;
+  };
+  const cv::Mat opacity = n == 4 ? as_float(3) : cv::Mat();
+  cv::Mat resized(height, width, CV_32FC(n));
+  for (int c = 0; c < n; ++c) {
+    cv::Mat source = c == 3 ? opacity : as_float(c), part;
+    if (n == 4 && c < 3) cv::multiply(source, opacity, source);
+    cv::resize(source,
+               part,
+               cv::Size(width, height),
+               0,
+               0,
+               width <= image.width ? cv::INTER_AREA : cv::INTER_LINEAR);
+    cv::insertChannel(part, resized, c);
   }
-  cv::Mat resized;
-  cv::resize(source,
-             resized,
-             cv::Size(width, height),
-             0,
-             0,
-             width <= image.width ? cv::INTER_AREA : cv::INTER_LINEAR);
   Image result = MakeImage(width, height, n);
   const float* in = resized.ptr<float>();
   for (std::size_t i = 0; i < result.data.size(); ++i) {

@@ -49,12 +49,13 @@ void CheckWebpHeader(std::string_view file) {
 // TIFF 6.0, section 2, first directory only. Returns where the value of the orientation lies in the file.
 std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
   constexpr std::uint32_t kSubfileType = 254, kWidth = 256, kHeight = 257, kPhotometric = 262,
-                          kOrientation = 274, kDngVersion = 50706;
-  constexpr std::uint32_t kShort = 3, kLong = 4, kCmyk = 5, kReducedPicture = 1;
+                          kOrientation = 274, kRowsPerStrip = 278, kTileWidth = 322, kTileHeight = 323,
+                          kDngVersion = 50706;
+  constexpr std::uint32_t kShort = 3, kLong = 4, kCmyk = 5, kReducedPicture = 1, kAllRows = UINT32_MAX;
   const bool big = file[0] == 'M';
   const std::size_t directory = Number(file, 4, 4, big);
   const std::uint32_t n_entries = Number(file, directory, 2, big);
-  double width = 0, height = 0;
+  double width = 0, height = 0, strip_rows = 0, tile_width = 0, tile_height = 0;
   std::optional<std::size_t> orientation;
   // Decoders read further types and the first of several values: sizes that we did not check.
   const auto set_side = [](double* side, std::uint32_t type, double value) {
@@ -68,6 +69,9 @@ std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<st
     const std::uint32_t value = Number(file, entry + 8, type == kShort ? 2 : 4, big);
     if (tag == kWidth) set_side(&width, type, value);
     if (tag == kHeight) set_side(&height, type, value);
+    if (tag == kRowsPerStrip && value != kAllRows) set_side(&strip_rows, type, value);
+    if (tag == kTileWidth) set_side(&tile_width, type, value);
+    if (tag == kTileHeight) set_side(&tile_height, type, value);
     if (tag == kOrientation) orientation = entry + 8;
     if (tag == kPhotometric && value == kCmyk) Refuse("CMYK TIFF. Convert it to an sRGB PNG or JPEG");
     if (tag == kDngVersion || (tag == kSubfileType && (value & kReducedPicture) != 0)) {
@@ -75,6 +79,9 @@ std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<st
     }
   }
   CheckPhotoSize(width, height);
+  // A strip or tile is decoded whole, however little of it the picture needs.
+  if (strip_rows > 0) CheckPhotoSize(width, strip_rows);
+  if (tile_width > 0 || tile_height > 0) CheckPhotoSize(tile_width, tile_height);
   if (Number(file, directory + 2 + 12 * n_entries, 4, big) != 0) {
     notes->push_back("several pages in the file: the first one is used");
   }

@@ -326,6 +326,11 @@ TEST(Photo, TiffsWhoseSizeIsNotWhatWasCheckedAreRefused) {
   std::string twice = tiff, wide = tiff;
   twice.replace(last, 12, width);
   EXPECT_NE(ReasonFor(twice).find("size in its header"), std::string::npos);
+  const std::size_t rows = tiff.find(std::string("\x16\x01", 2), first);
+  ASSERT_LT(rows, last);
+  std::string strip = tiff;
+  strip.replace(rows, 12, std::string("\x16\x01\x04\0\x01\0\0\0\0\0\0\x10", 12));  // of 2^28 rows
+  EXPECT_NE(ReasonFor(strip).find("268435456"), std::string::npos) << ReasonFor(strip);
   wide[first + 2] = 16;
   EXPECT_NE(ReasonFor(wide).find("size in its header"), std::string::npos);
 }

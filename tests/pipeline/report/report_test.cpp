@@ -215,6 +215,26 @@ class Browser : public testing::Test {
       });</script></body>)");
     const fs::path probe = folder_ / "probe.html", log = folder_ / "dom.txt";
     io::WriteFileAtomically(probe, html);
+    const std::string mark = "<pre id=\"answer\">";
+    std::string dom;
+    // On a busy machine the browser's own clock runs out before the film is decoded.
+    for (const char* budget_ms : {"8000", "80000", "800000"}) {
+      Dump(probe, log, budget_ms);
+      dom = io::ReadFile(log);
+      if (dom.find(mark) != std::string::npos) break;
+    }
+    const std::size_t at = dom.find(mark);
+    if (at == std::string::npos) {
+      ADD_FAILURE() << "the page gave no answer: " << dom.substr(0, 2000);
+      return {};
+    }
+    const std::string base64 =
+        dom.substr(at + mark.size(), dom.find('<', at + mark.size()) - at - mark.size());
+    return Json::parse(Decode(base64));
+  }
+
+  // Writes the page as it is when the budget of the browser's clock is spent.
+  void Dump(const fs::path& page, const fs::path& log, const std::string& budget_ms) const {
     fs::remove(log);
     io::ProcessOptions options;
     options.timeout_s = 60;
@@ -231,19 +251,10 @@ class Browser : public testing::Test {
                     "--autoplay-policy=no-user-gesture-required",
                     "--user-data-dir=" + (folder_ / "profile").string(),
                     "--window-size=390,844",
-                    "--virtual-time-budget=8000",
+                    "--virtual-time-budget=" + budget_ms,
                     "--dump-dom",
-                    "file://" + probe.string()},
+                    "file://" + page.string()},
                    options);
-    const std::string dom = io::ReadFile(log), mark = "<pre id=\"answer\">";
-    const std::size_t at = dom.find(mark);
-    if (at == std::string::npos) {
-      ADD_FAILURE() << "the page gave no answer: " << dom.substr(0, 2000);
-      return {};
-    }
-    const std::string base64 =
-        dom.substr(at + mark.size(), dom.find('<', at + mark.size()) - at - mark.size());
-    return Json::parse(Decode(base64));
   }
 
   static std::string Decode(const std::string& base64) {
