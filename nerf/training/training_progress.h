@@ -23,7 +23,6 @@ class TrainingProgress {
   double LeftSeconds(std::uint64_t step, double elapsed_s) const;
 
   void End(std::uint64_t step, double elapsed_s);
-  bool IsEnding() const { return ending_.has_value(); }
 
  private:
   struct Ending {

@@ -1,6 +1,5 @@
-// Renders the pictures that pages ask for. A picture that is no
-// longer wanted is given up between bands of rows, and while training goes on rendering keeps to its share of
-// the machine.
+// Renders the pictures that pages ask for. A picture that is no longer wanted is given up between bands of
+// rows, and while training goes on rendering keeps to its share of the machine.
 #pragma once
 
 #include <atomic>
