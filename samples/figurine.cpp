@@ -1,5 +1,6 @@
 // The owl and its antenna: shape and paint. It looks along -y.
 #include <array>
+#include <numbers>
 
 #include "samples/noise.h"
 #include "samples/solid.h"
@@ -7,13 +8,13 @@
 namespace samples {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
+using std::numbers::pi;
 
 enum Part { kBody, kWing, kFoot, kBeak, kEye, kEyeRing, kScarf, kPartCount };
 using PartDistances = std::array<double, kPartCount>;
 
 // Depth of the grooves carved between the rows of feathers, and how many radians of wave per unit of height.
-constexpr double kCarveDepth = 0.006, kCarveWave = 2 * kPi / 0.075;
+constexpr double kCarveDepth = 0.006, kCarveWave = 2 * pi / 0.075;
 // The carving ends under the scarf, where its wave crosses zero: the distance stays continuous.
 constexpr double kCarveTop = 9.25 * 0.075;
 

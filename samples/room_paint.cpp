@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "samples/noise.h"
 
@@ -10,7 +11,7 @@ namespace samples {
 namespace {
 
 using Vec3 = Eigen::Vector3d;
-constexpr double kPi = 3.14159265358979323846;
+using std::numbers::pi;
 
 int Cell(double x) { return static_cast<int>(std::floor(x)); }
 double Fraction(double x) { return x - std::floor(x); }
@@ -80,9 +81,9 @@ Vec3 SmallPicture(double u, double v, std::uint64_t seed) {
 // Ten postcards at random places on a ring around the figurine; false where there is none.
 bool Postcard(double x, double y, std::uint64_t seed, Vec3* colour) {
   for (int i = 9; i >= 0; --i) {
-    const double angle = 2 * kPi * (i + 0.7 * UnitHash(i, 0, seed)) / 10,
+    const double angle = 2 * pi * (i + 0.7 * UnitHash(i, 0, seed)) / 10,
                  ring = 0.72 + 0.48 * UnitHash(i, 1, seed);
-    const double turn = 2 * kPi * UnitHash(i, 2, seed);
+    const double turn = 2 * pi * UnitHash(i, 2, seed);
     const double dx = x - ring * std::cos(angle), dy = y - ring * std::sin(angle);
     const double u = (std::cos(turn) * dx + std::sin(turn) * dy) / 0.36 + 0.5;
     const double v = (std::cos(turn) * dy - std::sin(turn) * dx) / 0.26 + 0.5;
@@ -99,7 +100,7 @@ double Scratches(double x, double y, std::uint64_t seed) {
   constexpr double kCell = 0.2;  // at most one scratch per cell, never longer than the cell
   const int cx = Cell(x / kCell), cy = Cell(y / kCell);
   const std::uint64_t scratch = Hash(cx, cy, seed);
-  const double angle = 2 * kPi * UnitHash(1, 0, scratch);
+  const double angle = 2 * pi * UnitHash(1, 0, scratch);
   const double dx = Fraction(x / kCell) - 0.5, dy = Fraction(y / kCell) - 0.5;
   const double along = std::cos(angle) * dx + std::sin(angle) * dy,
                across = std::cos(angle) * dy - std::sin(angle) * dx;
@@ -118,8 +119,8 @@ Vec3 PaintTable(double x, double y, std::uint64_t seed) {
   if (r < 0.56) {  // the cloth: rings of signs
     constexpr double kRing = 0.08;
     const int ring = Cell(r / kRing);
-    const double count = std::max(6.0, std::round(2 * kPi * (ring + 0.5)));
-    const double x_sign = (angle / (2 * kPi) + 0.5) * count;
+    const double count = std::max(6.0, std::round(2 * pi * (ring + 0.5)));
+    const double x_sign = (angle / (2 * pi) + 0.5) * count;
     const std::uint64_t sign = Hash(ring, Cell(x_sign), seed + 101);
     const Vec3 linen = Srgb(0xe9e0cf) * (0.8 + 0.3 * FractalNoise(50 * x, 50 * y, 2, seed + 102));
     const double hem = SmoothStep(0.53, 0.54, r);
@@ -139,8 +140,8 @@ Vec3 PaintFloor(double x, double y, std::uint64_t seed) {
   const double weave = 0.75 + 0.4 * FractalNoise(22 * x, 22 * y, 3, seed + 111);
   constexpr double kBand = 0.3;
   const int band = Cell(r / kBand);
-  const double count = std::max(5.0, std::round(2 * kPi * (band + 0.5)));
-  const double x_sign = (angle / (2 * kPi) + 0.5) * count;
+  const double count = std::max(5.0, std::round(2 * pi * (band + 0.5)));
+  const double x_sign = (angle / (2 * pi) + 0.5) * count;
   const std::uint64_t sign = Hash(band, Cell(x_sign), seed + 112);
   const Vec3 ground = band % 2 ? Srgb(0x7c2f30) : Srgb(0x2f4257);
   const double ink = GlyphInk(Fraction(x_sign), Fraction(r / kBand), sign);
@@ -149,18 +150,17 @@ Vec3 PaintFloor(double x, double y, std::uint64_t seed) {
 }
 
 Vec3 PaintWall(double arc, double z, std::uint64_t seed) {
-  constexpr double kPanelTop = 0.1, kPictureZ = 1.55, kSlots = 16;
+  constexpr double kPanelTop = 0.1, pictureZ = 1.55, kSlots = 16;
   if (z < kPanelTop) {
-    const Vec3 panel =
-        Boards(z, arc, 2 * kPi * kRoomRadius / 120, Srgb(0x8a9a90), Srgb(0x5d7068), seed + 120);
+    const Vec3 panel = Boards(z, arc, 2 * pi * kRoomRadius / 120, Srgb(0x8a9a90), Srgb(0x5d7068), seed + 120);
     return z > kPanelTop - 0.08 ? 1.3 * panel : panel;
   }
-  const double slot_width = 2 * kPi * kRoomRadius / kSlots;
+  const double slot_width = 2 * pi * kRoomRadius / kSlots;
   const int slot = Cell(arc / slot_width);
   const std::uint64_t picture = Hash(slot, 0, seed + 121);
   const double width = 1.3 + 0.4 * UnitHash(1, 0, picture), height = 1.0 + 0.8 * UnitHash(2, 0, picture);
   const double u = (Fraction(arc / slot_width) - 0.5) * slot_width / width + 0.5;
-  const double v = (z - kPictureZ - 0.3 * (UnitHash(3, 0, picture) - 0.5)) / height + 0.5;
+  const double v = (z - pictureZ - 0.3 * (UnitHash(3, 0, picture) - 0.5)) / height + 0.5;
   const double inset = std::min(std::min(u, 1 - u) * width, std::min(v, 1 - v) * height);
   if (inset > 0.09) return SmallPicture(u, v, picture);
   if (inset > 0.0)

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "samples/noise.h"
 #include "samples/room_paint.h"
@@ -11,7 +12,7 @@
 namespace samples {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
+using std::numbers::pi;
 const Vec3 kLamp(2.0, -1.7, 4.2);
 constexpr double kLampRadius = 0.55;  // a soft box: penumbrae of a tenth of the height of what throws them
 const Vec3 kLampColour = 1.4 * Vec3(1.0, 0.95, 0.86);
@@ -135,8 +136,7 @@ void StillLife::PaintRoom(const StillLifeOptions& options) {
   if (!blank_) table_ = paint_disc(texels(1024), kTableRadius, 0, PaintTable);
   floor_ = paint_disc(texels(2048), kRoomRadius, kFloorZ, PaintFloor);
   wall_ = std::make_unique<Texture>(texels(4096), texels(664), true, threads, [&](double u, double v) {
-    const double arc = u * 2 * kPi * kRoomRadius, z = kFloorZ + v * (kCeilingZ - kFloorZ),
-                 angle = 2 * kPi * u;
+    const double arc = u * 2 * pi * kRoomRadius, z = kFloorZ + v * (kCeilingZ - kFloorZ), angle = 2 * pi * u;
     const Vec3 p(kRoomRadius * std::cos(angle), kRoomRadius * std::sin(angle), z);
     const Vec3 albedo = blank_ ? blank_paint : PaintWall(arc, z, seed_);
     return LitColour(albedo, p, {-std::cos(angle), -std::sin(angle), 0}, {});
@@ -215,7 +215,7 @@ Vec3 StillLife::Shade(
     case Thing::kWall:
       break;
   }
-  const double angle = std::atan2(p.y(), p.x()) / (2 * kPi);
+  const double angle = std::atan2(p.y(), p.x()) / (2 * pi);
   const double height = kCeilingZ - kFloorZ, cosine = direction.dot(p) / kRoomRadius;
   return wall_->Sample(angle < 0 ? angle + 1 : angle, (p.z() - kFloorZ) / height, footprint(cosine, height));
 }

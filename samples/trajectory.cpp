@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "samples/noise.h"
 
@@ -10,7 +11,8 @@ namespace samples {
 namespace {
 
 using Vec3 = Eigen::Vector3d;
-constexpr double kPi = 3.14159265358979323846, kDegree = kPi / 180;
+using std::numbers::pi;
+constexpr double kDegree = pi / 180;
 const Vec3 kAim(0, 0, 0.42);  // middle of the still life
 
 // Looks from eye to aim with the horizon turned by roll.
@@ -43,7 +45,7 @@ std::vector<io::Rigid3d> OrbitPoses(int count, std::uint64_t seed) {
   std::vector<io::Rigid3d> poses;
   for (int i = 0; i < count; ++i) {
     const double turn = static_cast<double>(turns) * i / count;
-    const double azimuth = 2 * kPi * turn + Jitter(i, 0, 2.5 * kDegree, seed);
+    const double azimuth = 2 * pi * turn + Jitter(i, 0, 2.5 * kDegree, seed);
     const double elevation =
         (22 + 30 * turn / 3 + (turns == 1 ? 8 : 0)) * kDegree + Jitter(i, 1, 3 * kDegree, seed);
     const double radius = kOrbitRadius * (1 + Jitter(i, 2, 0.06, seed));
@@ -81,7 +83,7 @@ std::vector<io::Rigid3d> ForwardPoses(int count, std::uint64_t seed) {
 std::vector<io::Rigid3d> TestPoses(int count) {
   std::vector<io::Rigid3d> poses;
   for (int i = 0; i < count; ++i) {
-    const double azimuth = (2 * kPi * i) / count + 7 * kDegree, elevation = (26 + 7 * (i % 4)) * kDegree;
+    const double azimuth = (2 * pi * i) / count + 7 * kDegree, elevation = (26 + 7 * (i % 4)) * kDegree;
     poses.push_back(LookAt(OnSphere(kOrbitRadius, azimuth, elevation), kAim, 0));
   }
   return poses;
@@ -93,10 +95,10 @@ io::Rigid3d WalkPose(double time_s, double duration_s, std::uint64_t seed) {
   const auto shake = [&](int which, double hertz, double amount) {
     return amount * (2 * FractalNoise(hertz * time_s, 100.0 * which, 2, seed + 200) - 1);
   };
-  const double elevation = (31 + 8 * std::sin(4 * kPi * turn)) * kDegree + shake(0, 1.2, 1.2 * kDegree);
-  const double radius = kOrbitRadius * (1 + 0.04 * std::sin(6 * kPi * turn)) + shake(1, 1.5, 0.05);
+  const double elevation = (31 + 8 * std::sin(4 * pi * turn)) * kDegree + shake(0, 1.2, 1.2 * kDegree);
+  const double radius = kOrbitRadius * (1 + 0.04 * std::sin(6 * pi * turn)) + shake(1, 1.5, 0.05);
   const Vec3 aim = kAim + Vec3(shake(2, 2, 0.06), shake(3, 2, 0.06), shake(4, 2, 0.06));
-  return LookAt(OnSphere(radius, 2 * kPi * turn - 0.5 * kPi, elevation), aim, shake(5, 1.5, 1.5 * kDegree));
+  return LookAt(OnSphere(radius, 2 * pi * turn - 0.5 * pi, elevation), aim, shake(5, 1.5, 1.5 * kDegree));
 }
 
 io::Rigid3d KnockedPose(const io::Rigid3d& world_from_cam, double angle) {

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Installs, builds presets fuzz and dev, runs the fuzz targets for a minute each and then every test. The last line is
+# Installs, builds presets fuzz and test, runs the fuzz targets for a minute each and then every test. The last line is
 # ctest's summary of the tests.
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
@@ -13,14 +13,14 @@ cmake --preset fuzz
 cmake --build --preset fuzz
 ctest --preset fuzz -j2 || status=$?
 
-echo "build: preset dev"
-cmake --preset dev
-cmake --build --preset dev
+echo "build: preset test"
+cmake --preset test
+cmake --build --preset test
 
 export PIPELINE_ALL_PROGRAMS=1  # a test that misses a program fails
 log="$(mktemp)"
 trap 'rm -f "$log"' EXIT
-ctest --preset dev -j2 2>&1 | tee "$log" || status=$?
+ctest --preset test -j2 2>&1 | tee "$log" || status=$?
 # On a failure ctest prints the names after its summary: repeat the summary as the last line.
 grep 'tests passed' "$log" | tail -1
 exit "$status"

@@ -25,10 +25,6 @@ constexpr double kUnitQuaternionTolerance = 1e-3;
 // Larger pictures do not exist; a damaged size would overflow int.
 constexpr std::uint64_t kMaxImageSide = 1 << 20;
 
-[[noreturn]] void Fail(const fs::path& path, const std::string& what) {
-  throw Error(ExitCode::kBadState, path.string() + ": " + what, "The model is damaged; reconstruct it again");
-}
-
 bool AllFinite(const auto& values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
 }
@@ -36,17 +32,19 @@ bool AllFinite(const auto& values) {
 Camera ToCamera(const fs::path& path, const ColmapCameraRecord& record) {
   const std::string label = fmt::format("camera {}", record.id);
   const int n_params = ColmapParamCount(record.model);
-  if (n_params < 0) Fail(path, label + " has the undefined model '" + record.model.substr(0, 40) + "'");
+  if (n_params < 0)
+    RefuseModel(path, label + " has the undefined model '" + record.model.substr(0, 40) + "'");
   if (static_cast<int>(record.params.size()) != n_params) {
-    Fail(path,
-         fmt::format(
-             "{} has {} parameters, {} needs {}", label, record.params.size(), record.model, n_params));
+    RefuseModel(
+        path,
+        fmt::format(
+            "{} has {} parameters, {} needs {}", label, record.params.size(), record.model, n_params));
   }
   if (record.width == 0 || record.height == 0 || record.width > kMaxImageSide ||
       record.height > kMaxImageSide) {
-    Fail(path, fmt::format("{} has the size {}x{}", label, record.width, record.height));
+    RefuseModel(path, fmt::format("{} has the size {}x{}", label, record.width, record.height));
   }
-  if (!AllFinite(record.params)) Fail(path, label + " has a parameter that is not finite");
+  if (!AllFinite(record.params)) RefuseModel(path, label + " has a parameter that is not finite");
   Camera camera{.width = static_cast<int>(record.width), .height = static_cast<int>(record.height)};
   const auto& p = record.params;
   const auto set_shared_focal = [&] { camera.fl_x = camera.fl_y = p[0], camera.cx = p[1], camera.cy = p[2]; };
@@ -72,7 +70,7 @@ Camera ToCamera(const fs::path& path, const ColmapCameraRecord& record) {
                 "Undistort first (colmap image_undistorter)");
   }
   if (const std::string fault = ImplausibleIntrinsics(camera); !fault.empty())
-    Fail(path, label + " has " + fault);
+    RefuseModel(path, label + " has " + fault);
   return camera;
 }
 
@@ -92,11 +90,12 @@ bool IsSafeName(const std::string& name) {
 Rigid3d ToWorldFromCam(const fs::path& path, const ColmapImageRecord& record) {
   const std::string label = fmt::format("image {}", record.id);
   const auto& q = record.quaternion_wxyz;
-  if (!AllFinite(q) || !AllFinite(record.translation)) Fail(path, label + " has a pose that is not finite");
-  if (!IsNear(record.translation)) Fail(path, label + " lies more than 1e9 from the origin");
+  if (!AllFinite(q) || !AllFinite(record.translation))
+    RefuseModel(path, label + " has a pose that is not finite");
+  if (!IsNear(record.translation)) RefuseModel(path, label + " lies more than 1e9 from the origin");
   const Eigen::Quaterniond quaternion(q[0], q[1], q[2], q[3]);
   if (!(std::abs(quaternion.norm() - 1.0) < kUnitQuaternionTolerance)) {
-    Fail(path, label + " has a quaternion that is not of unit length");
+    RefuseModel(path, label + " has a quaternion that is not of unit length");
   }
   const Rigid3d cam_from_world{quaternion.normalized().toRotationMatrix(),
                                {record.translation[0], record.translation[1], record.translation[2]}};
@@ -137,7 +136,7 @@ class ModelBuilder {
     for (const ColmapCameraRecord& record : records_.cameras) {
       const int index = static_cast<int>(model_.scene.cameras.size());
       if (!camera_index_.emplace(record.id, index).second) {
-        Fail(records_.cameras_path, fmt::format("camera {} appears twice", record.id));
+        RefuseModel(records_.cameras_path, fmt::format("camera {} appears twice", record.id));
       }
       model_.scene.cameras.push_back(ToCamera(records_.cameras_path, record));
     }
@@ -155,18 +154,18 @@ class ModelBuilder {
       const ColmapImageRecord& record = records_.images[i];
       const std::string label = fmt::format("image {}", record.id);
       if (!IsSafeName(record.name))
-        Fail(records_.images_path, label + " has an empty or unsafe name '" + record.name + "'");
+        RefuseModel(records_.images_path, label + " has an empty or unsafe name '" + record.name + "'");
       if (!names.insert(record.name).second) {
-        Fail(records_.images_path, label + ": the name '" + record.name + "' appears twice");
+        RefuseModel(records_.images_path, label + ": the name '" + record.name + "' appears twice");
       }
       const auto camera = camera_index_.find(record.camera_id);
       if (camera == camera_index_.end()) {
-        Fail(records_.images_path,
-             fmt::format("{} refers to the missing camera {}", label, record.camera_id));
+        RefuseModel(records_.images_path,
+                    fmt::format("{} refers to the missing camera {}", label, record.camera_id));
       }
       const int index = static_cast<int>(model_.scene.frames.size());
       if (!image_index_.emplace(record.id, Image{index, &record}).second) {
-        Fail(records_.images_path, label + " appears twice");
+        RefuseModel(records_.images_path, label + " appears twice");
       }
       model_.scene.frames.push_back(
           {record.name, camera->second, ToWorldFromCam(records_.images_path, record)});
@@ -177,11 +176,12 @@ class ModelBuilder {
     std::set<std::uint64_t> ids;
     for (const ColmapPointRecord& record : records_.points) {
       const std::string label = fmt::format("point {}", record.id);
-      if (!ids.insert(record.id).second) Fail(records_.points_path, label + " appears twice");
+      if (!ids.insert(record.id).second) RefuseModel(records_.points_path, label + " appears twice");
       if (!AllFinite(record.xyz) || !std::isfinite(record.error_px)) {
-        Fail(records_.points_path, label + " is not finite");
+        RefuseModel(records_.points_path, label + " is not finite");
       }
-      if (!IsNear(record.xyz)) Fail(records_.points_path, label + " lies more than 1e9 from the origin");
+      if (!IsNear(record.xyz))
+        RefuseModel(records_.points_path, label + " lies more than 1e9 from the origin");
       Point3D point{.xyz = {record.xyz[0], record.xyz[1], record.xyz[2]},
                     .rgb = record.rgb,
                     .error_px = std::max(0.0, record.error_px)};  // COLMAP writes -1 for unknown
@@ -194,19 +194,21 @@ class ModelBuilder {
     const std::string label = fmt::format("point {}", record.id);
     const auto image = image_index_.find(element.image_id);
     if (image == image_index_.end()) {
-      Fail(records_.points_path, fmt::format("{} refers to the missing image {}", label, element.image_id));
+      RefuseModel(records_.points_path,
+                  fmt::format("{} refers to the missing image {}", label, element.image_id));
     }
     const auto& features = image->second.record->features;
     if (element.feature_index >= features.size() || features[element.feature_index].point_id != record.id) {
-      Fail(records_.points_path,
-           fmt::format("{} refers to feature {} of image {}, which does not refer back",
-                       label,
-                       element.feature_index,
-                       element.image_id));
+      RefuseModel(records_.points_path,
+                  fmt::format("{} refers to feature {} of image {}, which does not refer back",
+                              label,
+                              element.feature_index,
+                              element.image_id));
     }
     const ColmapFeatureRecord& feature = features[element.feature_index];
     if (!std::isfinite(feature.x) || !std::isfinite(feature.y)) {
-      Fail(records_.images_path, fmt::format("image {} has a feature that is not finite", element.image_id));
+      RefuseModel(records_.images_path,
+                  fmt::format("image {} has a feature that is not finite", element.image_id));
     }
     point->frame_indices.push_back(image->second.frame_index);
     model_.observations.push_back(
@@ -223,11 +225,11 @@ class ModelBuilder {
           }));
     }
     if (n_references != model_.observations.size()) {
-      Fail(records_.images_path,
-           fmt::format("refers to points {} times, but {} holds {} track elements",
-                       n_references,
-                       records_.points_path.filename().string(),
-                       model_.observations.size()));
+      RefuseModel(records_.images_path,
+                  fmt::format("refers to points {} times, but {} holds {} track elements",
+                              n_references,
+                              records_.points_path.filename().string(),
+                              model_.observations.size()));
     }
   }
 

@@ -34,10 +34,6 @@ constexpr CameraModel kCameraModels[] = {{"SIMPLE_PINHOLE", 3},
                                          {"THIN_PRISM_FISHEYE", 12},
                                          {"RAD_TAN_THIN_PRISM_FISHEYE", 16}};
 
-[[noreturn]] void Fail(const fs::path& path, const std::string& what) {
-  throw Error(ExitCode::kBadState, path.string() + ": " + what, "The model is damaged; reconstruct it again");
-}
-
 // Bytes of a binary file, consumed front to back; never reads past the end.
 class ByteCursor {
  public:
@@ -45,7 +41,7 @@ class ByteCursor {
 
   template <typename T>
   T Take(const std::string& what) {
-    if (Remaining() < sizeof(T)) Fail(path_, "ends inside " + what);
+    if (Remaining() < sizeof(T)) RefuseModel(path_, "ends inside " + what);
     T value;
     std::memcpy(&value, bytes_.data() + at_, sizeof(T));
     at_ += sizeof(T);
@@ -56,21 +52,21 @@ class ByteCursor {
   std::size_t TakeCount(std::size_t min_bytes, const std::string& what) {
     const auto count = Take<std::uint64_t>(what);
     if (count > Remaining() / min_bytes) {
-      Fail(path_, fmt::format("states {} {} but ends before them", count, what));
+      RefuseModel(path_, fmt::format("states {} {} but ends before them", count, what));
     }
     return static_cast<std::size_t>(count);
   }
 
   std::string TakeName(const std::string& what) {
     const std::size_t end = bytes_.find('\0', at_);
-    if (end == std::string::npos) Fail(path_, "ends inside the name of " + what);
+    if (end == std::string::npos) RefuseModel(path_, "ends inside the name of " + what);
     std::string name = bytes_.substr(at_, end - at_);
     at_ = end + 1;
     return name;
   }
 
   void ExpectEnd() const {
-    if (Remaining() > 0) Fail(path_, fmt::format("has {} bytes after its last record", Remaining()));
+    if (Remaining() > 0) RefuseModel(path_, fmt::format("has {} bytes after its last record", Remaining()));
   }
 
  private:
@@ -89,8 +85,8 @@ void ReadBinary(ColmapRecords* records) {
     camera.id = cameras.Take<std::uint32_t>("a camera");
     const auto model = cameras.Take<std::int32_t>("a camera");
     if (model < 0 || model >= static_cast<int>(std::size(kCameraModels))) {
-      Fail(records->cameras_path,
-           fmt::format("camera {} has the undefined model number {}", camera.id, model));
+      RefuseModel(records->cameras_path,
+                  fmt::format("camera {} has the undefined model number {}", camera.id, model));
     }
     camera.model = kCameraModels[model].name;
     camera.width = cameras.Take<std::uint64_t>("a camera");
@@ -163,7 +159,7 @@ class TextCursor {
   }
 
   std::string_view TakeWord() {
-    if (AtLineEnd()) Fail(path_, fmt::format("line {} ends too early", line_));
+    if (AtLineEnd()) RefuseModel(path_, fmt::format("line {} ends too early", line_));
     const std::string_view word = rest_.substr(0, rest_.find_first_of(" \t"));
     rest_.remove_prefix(word.size());
     return word;
@@ -175,7 +171,7 @@ class TextCursor {
     T value{};
     const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
     if (error != std::errc() || end != word.data() + word.size()) {
-      Fail(path_, fmt::format("line {}: '{}' is not a number in range", line_, word.substr(0, 40)));
+      RefuseModel(path_, fmt::format("line {}: '{}' is not a number in range", line_, word.substr(0, 40)));
     }
     return value;
   }
@@ -254,6 +250,10 @@ void ReadText(ColmapRecords* records) {
 }
 
 }  // namespace
+
+[[noreturn]] void RefuseModel(const fs::path& path, const std::string& what) {
+  throw Error(ExitCode::kBadState, path.string() + ": " + what, "The model is damaged; reconstruct it again");
+}
 
 int ColmapParamCount(const std::string& model) {
   for (const CameraModel& known : kCameraModels) {

@@ -54,6 +54,9 @@ struct ColmapRecords {
   std::vector<ColmapPointRecord> points;
 };
 
+// Throws kBadState: `what` is wrong in the file `path`.
+[[noreturn]] void RefuseModel(const std::filesystem::path& path, const std::string& what);
+
 // Number of parameters of a camera model, or -1 for a name COLMAP does not define.
 int ColmapParamCount(const std::string& model);
 

@@ -28,7 +28,7 @@
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/train_options.h"
-#include "pipeline/stages/verdict.h"
+#include "pipeline/evaluation/verdict.h"
 
 namespace pipeline {
 namespace {

@@ -20,7 +20,7 @@
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {

@@ -28,8 +28,6 @@ constexpr char kRecord[] = "export.json";
 constexpr char kPartial[] = ".partial";
 constexpr std::size_t kHeadBytes = 4096;  // glTF lists its numbers before who wrote it
 
-fs::path Absolute(const fs::path& path) { return fs::absolute(path / "").lexically_normal().parent_path(); }
-
 void RequireOutside(const fs::path& target, const fs::path& run_folder) {
   if (IsWithin(target, run_folder) || IsWithin(run_folder, target))
     throw Error(ExitCode::kUsage,
@@ -39,7 +37,7 @@ void RequireOutside(const fs::path& target, const fs::path& run_folder) {
 
 // Before any work: whether `target` can be made.
 void RequireWritablePlace(const fs::path& target) {
-  fs::path folder = Absolute(target).parent_path();
+  fs::path folder = AbsolutePath(target).parent_path();
   while (!fs::exists(folder)) folder = folder.parent_path();
   if (!fs::is_directory(folder) || access(folder.c_str(), W_OK | X_OK) != 0)
     throw Error(ExitCode::kBadInput,
@@ -78,9 +76,13 @@ fs::path PartialOf(const fs::path& target) {
 
 }  // namespace
 
+fs::path AbsolutePath(const fs::path& path) {
+  return fs::absolute(path / "").lexically_normal().parent_path();
+}
+
 bool IsWithin(const fs::path& path, const fs::path& folder) {
   const fs::path relative =
-      fs::weakly_canonical(Absolute(path)).lexically_relative(fs::weakly_canonical(Absolute(folder)));
+      fs::weakly_canonical(AbsolutePath(path)).lexically_relative(fs::weakly_canonical(AbsolutePath(folder)));
   return !relative.empty() && *relative.begin() != "..";
 }
 
@@ -102,7 +104,7 @@ void RequireExportFile(const fs::path& file,
 void RequireExportFolder(const fs::path& folder, const fs::path& run_folder) {
   RequireOutside(folder, run_folder);
   RequireWritablePlace(folder);
-  const fs::path target = Absolute(folder);  // without a slash that would follow a link
+  const fs::path target = AbsolutePath(folder);  // without a slash that would follow a link
   const fs::file_status status = fs::symlink_status(target);
   if (!fs::exists(status)) return;
   const bool is_ours =
@@ -111,7 +113,8 @@ void RequireExportFolder(const fs::path& folder, const fs::path& run_folder) {
   if (!is_ours) RefuseToReplace(folder, "Choose a new or an empty folder");
 }
 
-ExportFolder::ExportFolder(const fs::path& target) : target_(Absolute(target)), partial_(PartialOf(target_)) {
+ExportFolder::ExportFolder(const fs::path& target)
+    : target_(AbsolutePath(target)), partial_(PartialOf(target_)) {
   fs::create_directories(target_.parent_path());
   RemoveStale(target_);
   io::RecreateOwnedFolder(partial_);

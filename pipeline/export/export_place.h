@@ -22,6 +22,9 @@ void RequireExportFile(const std::filesystem::path& file,
                        bool force);
 void RequireExportFolder(const std::filesystem::path& folder, const std::filesystem::path& run_folder);
 
+// Without "." and "..", and without a slash at its end, which would follow a link.
+std::filesystem::path AbsolutePath(const std::filesystem::path& path);
+
 // Whether `path` is `folder` or would lie in it, symbolic links resolved as far as the paths exist.
 bool IsWithin(const std::filesystem::path& path, const std::filesystem::path& folder);
 

@@ -14,8 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path Absolute(const fs::path& path) { return fs::absolute(path / "").lexically_normal().parent_path(); }
-
 void RequireFile(const fs::path& path, const std::string& command) {
   if (!fs::is_regular_file(path))
     throw io::Error(io::ExitCode::kBadInput, path.string() + ": no such file", "Run " + command + " first");
@@ -34,7 +32,7 @@ std::string NameOf(const fs::path& scene_folder, const fs::path& picture) {
 }  // namespace
 
 fs::path RequireTrainedField(const fs::path& run_folder) {
-  const fs::path run = Absolute(run_folder), checkpoint = run / "train/checkpoint.bin";
+  const fs::path run = AbsolutePath(run_folder), checkpoint = run / "train/checkpoint.bin";
   RequireFile(checkpoint, "pipeline train");
   std::map<std::string, std::string> hashes;
   for (const fs::path& input : {run / "scene", checkpoint}) HashTree(input, {}, &hashes);
@@ -46,7 +44,7 @@ ExportedScene LoadExportedScene(const fs::path& run_folder,
                                 const FrameOptions& frame,
                                 bool with_field,
                                 int threads) {
-  const fs::path run = Absolute(run_folder);
+  const fs::path run = AbsolutePath(run_folder);
   const fs::path train = run / "scene/transforms_train.json", test = run / "scene/transforms_test.json";
   RequireFile(train, "pipeline normalize, or pipeline run,");
   ExportedScene scene;

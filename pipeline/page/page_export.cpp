@@ -9,7 +9,7 @@
 #include "nerf/fields/checkpoint.h"
 #include "pipeline/page/field_payload.h"
 #include "pipeline/page/page_assets.h"
-#include "pipeline/stages/scene_json.h"
+#include "pipeline/film/scene_json.h"
 
 namespace pipeline {
 namespace {

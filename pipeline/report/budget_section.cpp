@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/report/plot_svg.h"
-#include "pipeline/stages/error_budget.h"
+#include "pipeline/evaluation/error_budget.h"
 
 namespace pipeline {
 namespace {

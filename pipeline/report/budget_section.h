@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 
 namespace pipeline {
 

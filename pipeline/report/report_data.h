@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "nerf/training/training_curve.h"
-#include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/scores.h"
-#include "pipeline/stages/support_pictures.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/evaluation/scores.h"
+#include "pipeline/film/support_pictures.h"
 
 namespace pipeline {
 

@@ -12,8 +12,8 @@
 #include "io/image/image.h"
 #include "pipeline/report/budget_section.h"
 #include "pipeline/report/plot_svg.h"
-#include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/verdict.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/evaluation/verdict.h"
 
 namespace pipeline {
 namespace {

@@ -24,7 +24,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
-#include "pipeline/stages/heldout_split.h"
+#include "pipeline/evaluation/heldout_split.h"
 #include "pipeline/stages/pose_source.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stage_options.h"

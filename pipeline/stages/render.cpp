@@ -6,7 +6,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
-#include "pipeline/stages/film.h"
+#include "pipeline/film/film.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"

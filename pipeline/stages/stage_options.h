@@ -6,8 +6,8 @@
 #include <string>
 
 #include "pipeline/stage/options.h"
-#include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/film.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/film.h"
 #include "sfm/reconstruction.h"
 
 namespace pipeline {

@@ -10,7 +10,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
-#include "pipeline/stages/heldout_split.h"
+#include "pipeline/evaluation/heldout_split.h"
 #include "pipeline/stages/moved_cameras.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"

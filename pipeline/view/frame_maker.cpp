@@ -11,9 +11,9 @@
 #include "io/base/stopwatch.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
-#include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/film.h"
-#include "pipeline/stages/support_pictures.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/film.h"
+#include "pipeline/film/support_pictures.h"
 
 namespace pipeline {
 namespace {

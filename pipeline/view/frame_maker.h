@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/view/live_run.h"
 
 namespace pipeline {

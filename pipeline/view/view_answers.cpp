@@ -8,7 +8,7 @@
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "nerf/training/training_curve.h"
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/stages/training_watch.h"
 
 namespace pipeline {

@@ -11,7 +11,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
-#include "pipeline/stages/scene_json.h"
+#include "pipeline/film/scene_json.h"
 #include "pipeline/stages/training_watch.h"
 #include "pipeline/view/page_assets.h"
 #include "pipeline/view/view_answers.h"

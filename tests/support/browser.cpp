@@ -12,8 +12,6 @@
 #include <stdexcept>
 #include <thread>
 
-using Json = nlohmann::json;
-
 namespace {
 
 constexpr int kAnswer_ms = 30000;
@@ -48,7 +46,7 @@ constexpr int kReads = 3, kWrites = 4;
 
 }  // namespace
 
-Browser::Browser(const std::string& url) {
+Browser::Browser(const std::string& url, int width, int height) {
   int to[2], from[2];
   if (pipe(to) != 0 || pipe(from) != 0) throw std::runtime_error("no pipes");
   pid_ = fork();
@@ -57,11 +55,11 @@ Browser::Browser(const std::string& url) {
   close(from[1]);
   to_ = to[1];
   from_ = from[0];
-  const Json target = Call("Target.createTarget", {{"url", "about:blank"}});
+  const nlohmann::json target = Call("Target.createTarget", {{"url", "about:blank"}});
   session_ =
       Call("Target.attachToTarget", {{"targetId", target["targetId"]}, {"flatten", true}})["sessionId"];
   Call("Emulation.setDeviceMetricsOverride",
-       {{"width", 1000}, {"height", 700}, {"deviceScaleFactor", 1}, {"mobile", false}});
+       {{"width", width}, {"height", height}, {"deviceScaleFactor", 1}, {"mobile", false}});
   Call("Page.navigate", {{"url", url}});
   if (!Becomes("location.href !== 'about:blank' && document.readyState === 'complete'"))
     throw std::runtime_error(url + " does not load");
@@ -74,7 +72,7 @@ Browser::~Browser() {
   close(from_);
 }
 
-Json Browser::Receive() {
+nlohmann::json Browser::Receive() {
   std::size_t end;
   while ((end = received_.find('\0')) == std::string::npos) {
     pollfd ready = {from_, POLLIN, 0};
@@ -83,30 +81,30 @@ Json Browser::Receive() {
     if (n <= 0) throw std::runtime_error("chromium does not answer");
     received_.append(buffer, static_cast<std::size_t>(n));
   }
-  const Json message = Json::parse(received_.substr(0, end));
+  const nlohmann::json message = nlohmann::json::parse(received_.substr(0, end));
   received_.erase(0, end + 1);
   return message;
 }
 
-Json Browser::Call(const std::string& method, const Json& parameters) {
-  Json message = {{"id", ++id_}, {"method", method}, {"params", parameters}};
+nlohmann::json Browser::Call(const std::string& method, const nlohmann::json& parameters) {
+  nlohmann::json message = {{"id", ++id_}, {"method", method}, {"params", parameters}};
   if (!session_.empty()) message["sessionId"] = session_;
   const std::string text = message.dump();
   if (write(to_, text.c_str(), text.size() + 1) != static_cast<ssize_t>(text.size() + 1))
     throw std::runtime_error("chromium has ended");
   for (;;) {
-    const Json answer = Receive();
+    const nlohmann::json answer = Receive();
     if (answer.value("id", 0) != id_) continue;  // an event
     if (answer.contains("error")) throw std::runtime_error(method + ": " + answer["error"].dump());
     return answer["result"];
   }
 }
 
-Json Browser::Evaluate(const std::string& expression) {
-  const Json answer =
+nlohmann::json Browser::Evaluate(const std::string& expression) {
+  const nlohmann::json answer =
       Call("Runtime.evaluate", {{"expression", expression}, {"returnByValue", true}, {"awaitPromise", true}});
   if (answer.contains("exceptionDetails")) throw std::runtime_error(answer["exceptionDetails"].dump());
-  return answer["result"].value("value", Json());
+  return answer["result"].value("value", nlohmann::json());
 }
 
 bool Browser::Becomes(const std::string& expression) {
@@ -117,8 +115,8 @@ bool Browser::Becomes(const std::string& expression) {
   return false;
 }
 
-void Browser::Mouse(const std::string& type, double x, double y, const Json& more) {
-  Json parameters = {{"type", type}, {"x", x}, {"y", y}};
+void Browser::Mouse(const std::string& type, double x, double y, const nlohmann::json& more) {
+  nlohmann::json parameters = {{"type", type}, {"x", x}, {"y", y}};
   parameters.update(more);
   Call("Input.dispatchMouseEvent", parameters);
 }

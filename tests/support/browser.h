@@ -9,8 +9,9 @@
 
 class Browser {
  public:
-  // Opens a page. Throws std::runtime_error when Chromium does not start or does not answer in 30 seconds.
-  explicit Browser(const std::string& url);
+  // Opens a page of width x height pixels. Throws std::runtime_error when Chromium does not start or does not
+  // answer in 30 seconds.
+  explicit Browser(const std::string& url, int width = 1000, int height = 700);
   ~Browser();
 
   // Value of a JavaScript expression in the page; promises are awaited.
@@ -20,7 +21,6 @@ class Browser {
   void Drag(double x, double y, double to_x, double to_y);
   void Wheel(double x, double y, double delta);
   void Key(const std::string& key, const std::string& type);  // type: keyDown or keyUp
-  // Of a page 1000 x 700 pixels large.
   void Screenshot(const std::filesystem::path& png);
 
  private:

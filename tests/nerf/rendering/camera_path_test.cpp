@@ -16,10 +16,10 @@ namespace {
 
 using Eigen::Vector3d;
 using nerf::PathKind;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 Vector3d OnSphere(double azimuth_deg, double elevation_deg, double distance) {
-  const double a = azimuth_deg * kPi / 180, e = elevation_deg * kPi / 180;
+  const double a = azimuth_deg * pi / 180, e = elevation_deg * pi / 180;
   return distance * Vector3d(std::cos(e) * std::cos(a), std::cos(e) * std::sin(a), std::sin(e));
 }
 
@@ -109,7 +109,7 @@ TEST(CameraPath, HandHeldOrbitIsSmoothAndStaysWhereCamerasWere) {
     EXPECT_LT(offset.norm(), 4.5);
     EXPECT_LT(NearestCamera(scene, pose.translation), 0.7);
   }
-  EXPECT_LT(LargestStep(path), 1.3 * 2 * kPi * 4 * std::cos(25 * kPi / 180) / 120);
+  EXPECT_LT(LargestStep(path), 1.3 * 2 * pi * 4 * std::cos(25 * pi / 180) / 120);
   ExpectUprightTowardsFocus(path, 0.02);
 }
 
@@ -120,7 +120,7 @@ TEST(CameraPath, ArcSwingsInsideTheCoveredSide) {
   EXPECT_NEAR(path.arc_deg, 116, 3);
   double least = 1e9, most = -1e9;
   for (const io::Rigid3d& pose : path.world_from_cam) {
-    const double azimuth = std::atan2(pose.translation.y(), pose.translation.x()) * 180 / kPi;
+    const double azimuth = std::atan2(pose.translation.y(), pose.translation.x()) * 180 / pi;
     least = std::min(least, azimuth);
     most = std::max(most, azimuth);
     EXPECT_LT(NearestCamera(scene, pose.translation), 0.7);
@@ -210,7 +210,7 @@ std::vector<io::Rigid3d> Corridor(unsigned seed) {
   std::uniform_real_distribution<double> jitter(-0.05, 0.05);
   std::vector<io::Rigid3d> poses;
   for (int i = 0; i < 40; ++i) {
-    const double turn = std::clamp((i - 15) / 10.0, 0.0, 1.0) * kPi / 2;
+    const double turn = std::clamp((i - 15) / 10.0, 0.0, 1.0) * pi / 2;
     const Vector3d ahead(std::cos(turn), std::sin(turn), 0);
     const Vector3d before = poses.empty() ? Vector3d::Zero() : poses.back().translation;
     const Vector3d place = before + 0.3 * ahead + Vector3d(jitter(random), jitter(random), jitter(random));

@@ -12,14 +12,14 @@
 namespace {
 
 using Eigen::Vector3d;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 // Cameras at distance 4 that look at the unit sphere from the given azimuths.
 io::Scene CamerasAt(const std::vector<double>& azimuths_deg) {
   io::Scene scene = tests::RingScene(1, 120, 90, [](int) { return ""; });
   scene.frames.clear();
   for (const double azimuth : azimuths_deg) {
-    const double a = azimuth * kPi / 180;
+    const double a = azimuth * pi / 180;
     scene.frames.push_back(
         {"", 0, LookAt(4 * Vector3d(std::cos(a), std::sin(a), 0), Vector3d::Zero(), Vector3d::UnitZ()), {}});
   }
@@ -42,7 +42,7 @@ TEST(SupportMap, CountsTheViewsThatSawTheSurfaceAndTheirAngle) {
   const nerf::ViewSupport support = SupportSeenFrom(CamerasAt({-20, 0, 20, 180}), 0);
   EXPECT_EQ(support.views[Middle(support)], 3);  // the one behind the sphere did not
   // From the surface point (1, 0, 0) the outer two stand further apart than from the centre.
-  const double apart = 2 * std::atan2(4 * std::sin(kPi / 9), 4 * std::cos(kPi / 9) - 1);
+  const double apart = 2 * std::atan2(4 * std::sin(pi / 9), 4 * std::cos(pi / 9) - 1);
   EXPECT_NEAR(support.angle[Middle(support)], apart, 0.03);
   EXPECT_EQ(support.UnobservedShare(), 0);
 }

@@ -14,7 +14,7 @@
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/stage_table.h"
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 #include "tests/support/temp_dir.h"
 
 namespace {

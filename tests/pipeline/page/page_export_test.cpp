@@ -11,7 +11,7 @@
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/trainer.h"
 #include "pipeline/page/page_export.h"
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 #include "tests/support/ball_scene.h"
 #include "tests/support/browser.h"
 #include "tests/support/require_program.h"

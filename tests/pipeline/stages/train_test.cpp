@@ -7,7 +7,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/owned_folder.h"
 #include "io/scene/transforms.h"
-#include "pipeline/stages/evaluation.h"
+#include "pipeline/evaluation/evaluation.h"
 #include "pipeline/stages/moved_cameras.h"
 #include "pipeline/stages/stages.h"
 #include "tests/support/sphere_field.h"

@@ -3,6 +3,7 @@
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
 #include "pipeline/stage/options.h"
+#include "pipeline/stages/stages.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
@@ -61,6 +62,16 @@ TEST_F(TrainedScene, ACheckpointWithoutItsRecordIsRefused) {
     WriteText(run_ / "train/train.json", record);
     EXPECT_ERROR(Evaluate(), ExitCode::kBadState, "not the checkpoint");
   }
+}
+
+// The field's kind is read before anything else, to decide about LibTorch: a missing checkpoint is no damaged
+// one.
+TEST(StagesAfterTraining, WithoutTrainingTheMissingInputIsNamed) {
+  const TempDir dir;
+  const std::string out = dir.path().string();
+  const char* const argv[] = {"pipeline-evaluate", "--out", out.c_str()};
+  EXPECT_EQ(pipeline::RunEvaluate(3, argv), static_cast<int>(ExitCode::kBadInput));
+  EXPECT_EQ(pipeline::RunRender(3, argv), static_cast<int>(ExitCode::kBadInput));
 }
 
 }  // namespace

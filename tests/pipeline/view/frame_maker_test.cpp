@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "nerf/rendering/keyframe_path.h"
-#include "pipeline/stages/evaluation.h"
+#include "pipeline/evaluation/evaluation.h"
 #include "tests/support/sphere_field.h"
 
 namespace pipeline {

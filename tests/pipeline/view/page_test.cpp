@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/image/image.h"
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/view/view_server.h"
 #include "tests/support/browser.h"
 #include "tests/support/require_program.h"

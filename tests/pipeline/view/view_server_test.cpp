@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/stages/training_watch.h"
 #include "tests/support/small_run.h"
 

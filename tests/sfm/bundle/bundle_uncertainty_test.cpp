@@ -12,7 +12,7 @@ namespace {
 using Eigen::Vector3d;
 using sfm::FreeIntrinsics;
 
-constexpr FreeIntrinsics kFocal = {.focal = true};
+constexpr FreeIntrinsics kFocalAlone = {.focal = true};
 
 // Covariance by ceres::Covariance in the gauge of a fixed frame, moved to the free network: an S-transform
 // P C P^T with P the projector on the complement of the similarities (Baarda, 1973).
@@ -129,7 +129,7 @@ TEST(BundleUncertainty, StatedSigmasAreTheErrorsOfTheAdjustment) {
 
 TEST(BundleUncertainty, UnobservedAndUndeterminedParametersAreInfiniteOrLarge) {
   io::ColmapModel model = RingModel(6, 60, SmallCamera(), 0.5, 3);
-  const auto known = sfm::EstimateUncertainty(model, {kFocal}, false);
+  const auto known = sfm::EstimateUncertainty(model, {kFocalAlone}, false);
   model.scene.frames.push_back({"extra.png", 1, LookAt({5, 5, 5}, Vector3d::Zero(), Vector3d::UnitZ())});
   model.scene.cameras.push_back(SmallCamera());
   // Points that are seen once say nothing about anything but themselves.
@@ -141,7 +141,7 @@ TEST(BundleUncertainty, UnobservedAndUndeterminedParametersAreInfiniteOrLarge) {
     model.observations.push_back({o.frame_index, static_cast<int>(model.scene.points.size()), o.xy});
     model.scene.points.push_back(model.scene.points[point]);
   }
-  const auto uncertainty = sfm::EstimateUncertainty(model, {kFocal, kFocal}, true);
+  const auto uncertainty = sfm::EstimateUncertainty(model, {kFocalAlone, kFocalAlone}, true);
   EXPECT_TRUE(std::isinf(uncertainty.poses[6].rotation_deg));
   EXPECT_TRUE(std::isinf(uncertainty.intrinsics[1][sfm::kFocal]));
   EXPECT_LT(uncertainty.poses[0].rotation_deg, 0.5);

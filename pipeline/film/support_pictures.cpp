@@ -1,4 +1,4 @@
-#include "pipeline/stages/support_pictures.h"
+#include "pipeline/film/support_pictures.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 
 #include <gtest/gtest.h>
 

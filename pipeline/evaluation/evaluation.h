@@ -10,7 +10,7 @@
 #include "io/image/mask.h"
 #include "io/scene/scene.h"
 #include "nerf/rendering/trained_field.h"
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 
 namespace pipeline {
 

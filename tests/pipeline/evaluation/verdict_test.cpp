@@ -1,5 +1,5 @@
 // When held-out views count as reconstructed.
-#include "pipeline/stages/verdict.h"
+#include "pipeline/evaluation/verdict.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

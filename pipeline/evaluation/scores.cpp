@@ -1,4 +1,4 @@
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 
 #include <fmt/format.h>
 

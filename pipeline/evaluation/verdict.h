@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 
 namespace pipeline {
 

@@ -7,7 +7,7 @@
 
 #include "io/scene/scene.h"
 #include "nerf/rendering/trained_field.h"
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 
 namespace pipeline {
 

@@ -1,4 +1,4 @@
-#include "pipeline/stages/verdict.h"
+#include "pipeline/evaluation/verdict.h"
 
 #include <fmt/format.h>
 

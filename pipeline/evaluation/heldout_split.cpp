@@ -1,4 +1,4 @@
-#include "pipeline/stages/heldout_split.h"
+#include "pipeline/evaluation/heldout_split.h"
 
 #include <algorithm>
 #include <cmath>

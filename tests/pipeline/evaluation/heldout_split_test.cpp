@@ -1,5 +1,5 @@
 // Which pictures are held out: every n-th, or one side of the capture.
-#include "pipeline/stages/heldout_split.h"
+#include "pipeline/evaluation/heldout_split.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "pipeline/stages/evaluation.h"
+#include "pipeline/evaluation/evaluation.h"
 
 #include <fmt/format.h>
 

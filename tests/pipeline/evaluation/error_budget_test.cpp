@@ -1,11 +1,11 @@
 // Where held-out error lies: known mistakes are found, and lead to the advice that mends them.
-#include "pipeline/stages/error_budget.h"
+#include "pipeline/evaluation/error_budget.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "nerf/sampling/pose_motion.h"
-#include "pipeline/stages/evaluation.h"
+#include "pipeline/evaluation/evaluation.h"
 #include "tests/support/sphere_field.h"
 #include "tests/support/temp_dir.h"
 

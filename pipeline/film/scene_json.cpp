@@ -1,9 +1,9 @@
-#include "pipeline/stages/scene_json.h"
+#include "pipeline/film/scene_json.h"
 
 #include <nlohmann/json.hpp>
 
 #include "nerf/rendering/capture_geometry.h"
-#include "pipeline/stages/camera_path_file.h"
+#include "pipeline/film/camera_path_file.h"
 
 namespace pipeline {
 namespace {

@@ -1,5 +1,5 @@
 // The film: right number of frames, resumed where it stopped, frames kept when the encoder fails.
-#include "pipeline/stages/film.h"
+#include "pipeline/film/film.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -14,9 +14,9 @@
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "io/scene/transforms.h"
-#include "pipeline/stages/camera_path_file.h"
-#include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/support_pictures.h"
+#include "pipeline/film/camera_path_file.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/support_pictures.h"
 #include "tests/support/require_program.h"
 #include "tests/support/sphere_field.h"
 

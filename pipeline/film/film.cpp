@@ -1,4 +1,4 @@
-#include "pipeline/stages/film.h"
+#include "pipeline/film/film.h"
 
 #include <fmt/format.h>
 
@@ -16,9 +16,9 @@
 #include "io/image/image_size.h"
 #include "io/scene/transforms.h"
 #include "nerf/rendering/free_path.h"
-#include "pipeline/stages/camera_path_file.h"
-#include "pipeline/stages/evaluation.h"
-#include "pipeline/stages/support_pictures.h"
+#include "pipeline/film/camera_path_file.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/support_pictures.h"
 
 namespace pipeline {
 namespace {

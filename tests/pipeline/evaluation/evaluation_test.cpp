@@ -1,5 +1,5 @@
 // Evaluation: known errors give known scores, files can be scored again, and nothing wrong is averaged away.
-#include "pipeline/stages/evaluation.h"
+#include "pipeline/evaluation/evaluation.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -13,9 +13,7 @@
 #include "io/base/error.h"
 #include "io/image/mask.h"
 #include "nerf/metrics/metrics.h"
-#include "pipeline/stages/stages.h"
 #include "tests/support/sphere_field.h"
-#include "tests/support/temp_dir.h"
 
 namespace {
 
@@ -258,16 +256,6 @@ TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {
   twins.frames[1].image_path = twins.frames[0].image_path;
   EXPECT_EQ(CodeOf([&] { pipeline::RenderViews(SphereField(), twins, folder_, 1); }),
             io::ExitCode::kBadInput);
-}
-
-// The field's kind is read before anything else, to decide about LibTorch: a missing checkpoint is no damaged
-// one.
-TEST(Evaluation, WithoutTrainingTheMissingInputIsNamed) {
-  const TempDir dir;
-  const std::string out = dir.path().string();
-  const char* const argv[] = {"pipeline-evaluate", "--out", out.c_str()};
-  EXPECT_EQ(pipeline::RunEvaluate(3, argv), static_cast<int>(io::ExitCode::kBadInput));
-  EXPECT_EQ(pipeline::RunRender(3, argv), static_cast<int>(io::ExitCode::kBadInput));
 }
 
 }  // namespace

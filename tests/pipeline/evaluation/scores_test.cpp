@@ -1,5 +1,5 @@
 // metrics.json: what is written comes back, and damage is named by file and place.
-#include "pipeline/stages/scores.h"
+#include "pipeline/evaluation/scores.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "pipeline/stages/error_budget.h"
+#include "pipeline/evaluation/error_budget.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,7 @@
 #include "nerf/metrics/metrics.h"
 #include "nerf/rendering/pose_fit.h"
 #include "nerf/rendering/support_map.h"
-#include "pipeline/stages/evaluation.h"
+#include "pipeline/evaluation/evaluation.h"
 
 namespace pipeline {
 namespace {
