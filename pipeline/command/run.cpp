@@ -17,6 +17,7 @@
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
 #include "pipeline/command/commands.h"
+#include "pipeline/evaluation/verdict.h"
 #include "pipeline/ingest/ingest_options.h"
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/machine/machine.h"
@@ -28,7 +29,6 @@
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/train_options.h"
-#include "pipeline/evaluation/verdict.h"
 
 namespace pipeline {
 namespace {

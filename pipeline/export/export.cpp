@@ -16,11 +16,11 @@
 #include "pipeline/export/mesh_export.h"
 #include "pipeline/export/points_export.h"
 #include "pipeline/export/splats_export.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/page/page_export.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
-#include "pipeline/film/camera_path_file.h"
 #include "pipeline/stages/torch_program.h"
 
 namespace pipeline {

@@ -16,8 +16,8 @@
 #include "io/image/image_size.h"
 #include "io/scene/transforms.h"
 #include "nerf/rendering/free_path.h"
-#include "pipeline/film/camera_path_file.h"
 #include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/camera_path_file.h"
 #include "pipeline/film/support_pictures.h"
 
 namespace pipeline {

@@ -7,9 +7,9 @@
 #include "io/base/error.h"
 #include "io/base/gzip.h"
 #include "nerf/fields/checkpoint.h"
+#include "pipeline/film/scene_json.h"
 #include "pipeline/page/field_payload.h"
 #include "pipeline/page/page_assets.h"
-#include "pipeline/film/scene_json.h"
 
 namespace pipeline {
 namespace {

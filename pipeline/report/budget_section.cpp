@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "pipeline/report/plot_svg.h"
 #include "pipeline/evaluation/error_budget.h"
+#include "pipeline/report/plot_svg.h"
 
 namespace pipeline {
 namespace {

@@ -10,10 +10,10 @@
 #include "io/base/progress.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
-#include "pipeline/report/budget_section.h"
-#include "pipeline/report/plot_svg.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/evaluation/verdict.h"
+#include "pipeline/report/budget_section.h"
+#include "pipeline/report/plot_svg.h"
 
 namespace pipeline {
 namespace {

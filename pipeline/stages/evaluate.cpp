@@ -4,18 +4,18 @@
 
 #include "io/base/quoting.h"
 #include "io/scene/transforms.h"
+#include "pipeline/evaluation/error_budget.h"
+#include "pipeline/evaluation/evaluation.h"
+#include "pipeline/evaluation/verdict.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
-#include "pipeline/evaluation/error_budget.h"
-#include "pipeline/evaluation/evaluation.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/trained_scene.h"
-#include "pipeline/evaluation/verdict.h"
 
 namespace pipeline {
 namespace {

@@ -2,11 +2,11 @@
 #include <cstdio>
 
 #include "io/scene/transforms.h"
+#include "pipeline/film/film.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
-#include "pipeline/film/film.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"

@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <string>
 
-#include "pipeline/stage/options.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/film.h"
+#include "pipeline/stage/options.h"
 #include "sfm/reconstruction.h"
 
 namespace pipeline {

@@ -11,10 +11,10 @@
 #include "io/image/image.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
-#include "pipeline/report/report.h"
-#include "pipeline/stage/frames.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/film.h"
+#include "pipeline/report/report.h"
+#include "pipeline/stage/frames.h"
 #include "tests/support/sphere_field.h"
 
 namespace tests {

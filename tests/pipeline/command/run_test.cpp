@@ -11,10 +11,10 @@
 #include "io/base/error.h"
 #include "io/base/process.h"
 #include "nerf/kernels/kernels.h"
+#include "pipeline/evaluation/scores.h"
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/stage_table.h"
-#include "pipeline/evaluation/scores.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
