@@ -26,6 +26,7 @@ struct ReconstructionOptions {
   double retry_minutes = 20;           // ceiling for all further mapping attempts together; 0: none
   std::filesystem::path masks_folder;  // see DetectFeatures; empty: no masks
   int threads = 1;
+  io::MemoryBudget memory = io::MemoryBudget();
 };
 
 struct Unregistered {

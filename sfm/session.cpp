@@ -56,8 +56,10 @@ void Session::SetFeatures(std::vector<Features> features) {
 void Session::Detect(int max_features) {
   const io::Stopwatch stopwatch;
   max_features_ = max_features;
-  const FeatureOptions options{
-      .max_features = max_features, .max_image_size = options_.max_image_size, .threads = options_.threads};
+  const FeatureOptions options{.max_features = max_features,
+                               .max_image_size = options_.max_image_size,
+                               .threads = options_.threads,
+                               .memory = options_.memory};
   if (options_.detector == "colmap") {
     Colmap colmap(work_folder_ / "detection", options_.threads);
     SetFeatures(colmap.ExtractFeatures(images_folder_, views_->groups, views_->names, options));

@@ -86,7 +86,8 @@ std::shared_ptr<const CapturedViews> Session::WithMoreFeatures(const CapturedVie
                                                   {.max_features = max_features,
                                                    .max_image_size = 0,
                                                    .min_contrast = kSecondLookContrast,
-                                                   .threads = options_.threads});
+                                                   .threads = options_.threads,
+                                                   .memory = options_.memory});
   for (std::size_t i = 0; i < chosen.size(); ++i)
     more->features[static_cast<std::size_t>(chosen[i])] = std::move(features[i]);
   result_.times.features_s += stopwatch.seconds();

@@ -20,10 +20,11 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr int kPhotos = 24, kFilmFrames = 12;
-constexpr double kMinPsnr = 19;       // after 400 steps at 160 x 120
-constexpr int kMinInterrupted = 4;    // of seven stages: the long ones
-constexpr double kQuickRerun_s = 10;  // hashing and starting eight programs
-constexpr double kMaxStage_s = 300;   // an idle machine needs a tenth
+constexpr double kMinPsnr = 19;                   // after 400 steps at 160 x 120
+constexpr int kMinInterrupted = 4;                // of seven stages: the long ones
+constexpr double kQuickRerun_s = 10;              // hashing and starting eight programs
+constexpr double kMaxMemory = 700.0 * (1 << 20);  // what the run is given
+constexpr double kMaxStage_s = 300;               // an idle machine needs a tenth
 
 Json ReadJson(const fs::path& path) { return Json::parse(ReadText(path), nullptr, false); }
 
@@ -88,6 +89,7 @@ TEST_F(EndToEnd, KilledInEveryStageAndContinuedThePhotosBecomeFilmAndReport) {
                                               "--features=1024",
                                               "--steps=400",
                                               "--image-size=160",
+                                              "--memory=700M",
                                               "--frames-out=" + std::to_string(kFilmFrames)};
   int n_interrupted = 0;
   for (const pipeline::StageEntry& stage : pipeline::StageTable()) {
@@ -103,6 +105,10 @@ TEST_F(EndToEnd, KilledInEveryStageAndContinuedThePhotosBecomeFilmAndReport) {
   EXPECT_GE(n_interrupted, kMinInterrupted);
   ASSERT_EQ(Run(arguments), 0) << Output();
 
+  for (const pipeline::StageEntry& stage : pipeline::StageTable()) {
+    const Json record = ReadJson(out / stage.folder / (std::string(stage.folder) + ".json"));
+    EXPECT_LE(record["peak_rss_bytes"], kMaxMemory) << stage.name;
+  }
   EXPECT_EQ(ReadJson(out / "ingest/ingest.json")["kept"], kPhotos);
   EXPECT_GE(ReadJson(out / "sfm/sfm.json")["registered"], kPhotos - 1);
   const Json metrics = ReadJson(out / "evaluate/metrics.json");
@@ -160,6 +166,7 @@ TEST_F(EndToEnd, UnusableInputEndsWithTheDocumentedCodeAndOneLine) {
       {{Path("nonexistent").string(), "--out", out}, 3},
       {{Path("rotation/photos").string(), "--out", out}, 4},
       {{photos, "--out", out, "--qualty=9"}, 2},
+      {{photos, "--out", out, "--memory=64M"}, 6},
       {{photos, "--out", Path("file").string()}, 2},
   };
   for (const Case& one : cases) {

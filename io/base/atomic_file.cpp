@@ -36,6 +36,12 @@ void SyncPath(const std::filesystem::path& path) {
 }  // namespace
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes) {
+  WriteFileAtomically(path, std::span(&bytes, 1));
+}
+
+void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::string_view> parts) {
+  std::size_t size = 0;
+  for (const std::string_view part : parts) size += part.size();
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
   std::error_code ignored;
   std::filesystem::create_directories(folder, ignored);
@@ -43,14 +49,15 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   const std::filesystem::path temporary = folder / (name + kTemporaryExtension);
   unlink(temporary.c_str());  // of a killed process with this number, or a name that leads to another file
   const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
-  if (fd < 0) Fail(path, "create", bytes.size());
-  std::size_t done = 0;
+  if (fd < 0) Fail(path, "create", size);
   bool ok = true;
-  while (ok && done < bytes.size()) {
-    const ssize_t n = write(fd, bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    ok = n > 0;
-    if (ok) done += static_cast<std::size_t>(n);
+  for (std::string_view part : parts) {
+    while (ok && !part.empty()) {
+      const ssize_t n = write(fd, part.data(), part.size());
+      if (n < 0 && errno == EINTR) continue;
+      ok = n > 0;
+      if (ok) part.remove_prefix(static_cast<std::size_t>(n));
+    }
   }
   ok = ok && fsync(fd) == 0;
   int error = errno;
@@ -59,7 +66,7 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   if (!ok) {
     unlink(temporary.c_str());
     errno = error;
-    Fail(path, "write", bytes.size());
+    Fail(path, "write", size);
   }
   SyncPath(folder);
 }

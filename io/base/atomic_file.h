@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -10,6 +11,8 @@ namespace io {
 // Writes to a temporary name in the same folder, checks every write, syncs file and folder, and renames.
 // Parent folders are created. Throws kNoResources with the number of bytes needed.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
+// The same for a file whose parts lie in several places.
+void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::string_view> parts);
 
 // Removes what killed writers left below `folder`. Call it only where nobody else writes.
 void RemoveTemporaries(const std::filesystem::path& folder);

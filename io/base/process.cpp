@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <deque>
@@ -16,6 +17,7 @@
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
+#include "io/base/memory.h"
 
 namespace io {
 namespace {
@@ -25,8 +27,12 @@ constexpr auto kPoll = std::chrono::milliseconds(20);
 constexpr int kExecFailed = 127;
 
 // Only async-signal-safe calls are allowed between fork and exec.
-[[noreturn]] void ExecChild(
-    char* const* argv, const ProcessOptions& options, int log_fd, const char* dir, pid_t parent) {
+[[noreturn]] void ExecChild(char* const* argv,
+                            const ProcessOptions& options,
+                            std::size_t memory_left,
+                            int log_fd,
+                            const char* dir,
+                            pid_t parent) {
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(kExecFailed);  // the parent died before the line above
@@ -36,6 +42,11 @@ constexpr int kExecFailed = 127;
   if (options.memory_bytes > 0) {
     const rlimit limit = {options.memory_bytes, options.memory_bytes};
     setrlimit(RLIMIT_AS, &limit);
+  }
+  rlimit data;
+  if (memory_left != SIZE_MAX && getrlimit(RLIMIT_DATA, &data) == 0) {
+    data.rlim_cur = std::min<rlim_t>(memory_left, data.rlim_max);
+    setrlimit(RLIMIT_DATA, &data);
   }
   if (log_fd >= 0) {
     dup2(log_fd, STDOUT_FILENO);
@@ -88,10 +99,12 @@ ProcessReport RunProcess(const std::vector<std::string>& argv, const ProcessOpti
   for (const std::string& argument : argv) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
 
+  const std::size_t memory_left = MemoryLeftBytes();
   const auto start = Clock::now();
   const pid_t parent = getpid();
   const pid_t pid = fork();
-  if (pid == 0) ExecChild(arguments.data(), options, log_fd, options.working_dir.c_str(), parent);
+  if (pid == 0)
+    ExecChild(arguments.data(), options, memory_left, log_fd, options.working_dir.c_str(), parent);
   if (log_fd >= 0) close(log_fd);
   if (pid < 0) throw Error(ExitCode::kNoResources, argv[0] + ": cannot start a process");
   setpgid(pid, pid);

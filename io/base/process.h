@@ -1,5 +1,6 @@
 // Runs an external program: argument vector only (no shell), own process group, wall-clock and memory limits,
-// and a log file that takes stdout and stderr. Success is not trusted: callers verify the product.
+// and a log file that takes stdout and stderr. What LimitMemory (io/base/memory.h) leaves limits the child
+// as well. Success is not trusted: callers verify the product.
 #pragma once
 
 #include <cstddef>

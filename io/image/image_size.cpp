@@ -43,25 +43,33 @@ ImageSize JpegSize(std::ifstream& in) {
 
 }  // namespace
 
-ImageSize ReadImageSize(const std::filesystem::path& path) {
+std::optional<ImageSize> ReadHeaderSize(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   Bytes b{};
-  in.read(reinterpret_cast<char*>(b.data()), b.size());
-  const bool has_header = in.good();
+  if (!in.read(reinterpret_cast<char*>(b.data()), b.size())) return std::nullopt;
   ImageSize size;
-  if (has_header && std::memcmp(b.data(), "\x89PNG\r\n\x1a\n", 8) == 0) {
+  if (std::memcmp(b.data(), "\x89PNG\r\n\x1a\n", 8) == 0) {
     // 65535 is far beyond any photograph; the two upper bytes of a larger side make the number useless here.
     if (BigEndian(b.data() + 16, 2) == 0 && BigEndian(b.data() + 20, 2) == 0)
       size = {BigEndian(b.data() + 18, 2), BigEndian(b.data() + 22, 2)};
-  } else if (has_header && b[0] == 0xFF && b[1] == 0xD8) {
+  } else if (b[0] == 0xFF && b[1] == 0xD8) {
     size = JpegSize(in);
-  } else {
-    const Image image = ReadImage(path);
-    size = {image.width, image.height};
   }
-  if (size.width <= 0 || size.height <= 0)
-    throw Error(ExitCode::kBadInput, path.string() + ": its header is damaged", "Save the picture again");
+  if (size.width <= 0 || size.height <= 0) return std::nullopt;
   return size;
+}
+
+ImageSize ReadImageSize(const std::filesystem::path& path) {
+  if (const std::optional<ImageSize> size = ReadHeaderSize(path)) return *size;
+  std::ifstream in(path, std::ios::binary);
+  Bytes b{};
+  in.read(reinterpret_cast<char*>(b.data()), b.size());
+  const bool is_png = in.good() && std::memcmp(b.data(), "\x89PNG\r\n\x1a\n", 8) == 0,
+             is_jpeg = in.good() && b[0] == 0xFF && b[1] == 0xD8;
+  if (is_png || is_jpeg)
+    throw Error(ExitCode::kBadInput, path.string() + ": its header is damaged", "Save the picture again");
+  const Image image = ReadImage(path);
+  return {image.width, image.height};
 }
 
 }  // namespace io

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 namespace io {
 
@@ -12,5 +13,8 @@ struct ImageSize {
 // PNG and JPEG are read from their headers (a few kilobytes); other formats are decoded. EXIF orientation is
 // not applied, as in ReadImage. Throws kBadInput when the file is no picture or a side exceeds 65535 pixels.
 ImageSize ReadImageSize(const std::filesystem::path& path);
+
+// The same of PNG and JPEG; nothing of other formats, and where the header is damaged or cannot be read.
+std::optional<ImageSize> ReadHeaderSize(const std::filesystem::path& path);
 
 }  // namespace io

@@ -46,17 +46,25 @@ void CheckWebpHeader(std::string_view file) {
   }
 }
 
-// TIFF 6.0, section 2, first directory only. Returns where the value of the orientation lies in the file.
-std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
+// What must be changed in a TIFF before OpenCV reads it: values of tags, where they lie in the file.
+struct TiffCorrection {
+  std::size_t at;
+  int bytes;
+  std::uint32_t value;
+};
+
+// TIFF 6.0, section 2, first directory only.
+std::vector<TiffCorrection> CheckTiffHeader(std::string_view file, std::vector<std::string>* notes) {
   constexpr std::uint32_t kSubfileType = 254, kWidth = 256, kHeight = 257, kPhotometric = 262,
                           kOrientation = 274, kRowsPerStrip = 278, kTileWidth = 322, kTileHeight = 323,
                           kDngVersion = 50706;
-  constexpr std::uint32_t kShort = 3, kLong = 4, kCmyk = 5, kReducedPicture = 1, kAllRows = UINT32_MAX;
+  constexpr std::uint32_t kShort = 3, kLong = 4, kCmyk = 5, kReducedPicture = 1, kUpright = 1;
   const bool big = file[0] == 'M';
   const std::size_t directory = Number(file, 4, 4, big);
   const std::uint32_t n_entries = Number(file, directory, 2, big);
   double width = 0, height = 0, strip_rows = 0, tile_width = 0, tile_height = 0;
-  std::optional<std::size_t> orientation;
+  std::optional<TiffCorrection> rows;
+  std::vector<TiffCorrection> corrections;
   // Decoders read further types and the first of several values: sizes that we did not check.
   const auto set_side = [](double* side, std::uint32_t type, double value) {
     if (*side != 0 || (type != kShort && type != kLong)) Refuse("the size in its header is damaged");
@@ -69,23 +77,31 @@ std::optional<std::size_t> CheckTiffHeader(std::string_view file, std::vector<st
     const std::uint32_t value = Number(file, entry + 8, type == kShort ? 2 : 4, big);
     if (tag == kWidth) set_side(&width, type, value);
     if (tag == kHeight) set_side(&height, type, value);
-    if (tag == kRowsPerStrip && value != kAllRows) set_side(&strip_rows, type, value);
+    if (tag == kRowsPerStrip) {
+      set_side(&strip_rows, type, value);
+      rows = {entry + 8, type == kShort ? 2 : 4, 0};
+    }
     if (tag == kTileWidth) set_side(&tile_width, type, value);
     if (tag == kTileHeight) set_side(&tile_height, type, value);
-    if (tag == kOrientation) orientation = entry + 8;
+    // OpenCV would apply it by halves: it never swaps the sides.
+    if (tag == kOrientation) corrections.push_back({entry + 8, 2, kUpright});
     if (tag == kPhotometric && value == kCmyk) Refuse("CMYK TIFF. Convert it to an sRGB PNG or JPEG");
     if (tag == kDngVersion || (tag == kSubfileType && (value & kReducedPicture) != 0)) {
       Refuse("camera raw file. Convert it to PNG or JPEG");
     }
   }
   CheckPhotoSize(width, height);
-  // A strip or tile is decoded whole, however little of it the picture needs.
-  if (strip_rows > 0) CheckPhotoSize(width, strip_rows);
+  // Strips may be higher than the picture, and OpenCV would allocate them so.
+  if (rows && strip_rows > height) {
+    rows->value = static_cast<std::uint32_t>(height);
+    corrections.push_back(*rows);
+  }
+  // A tile is decoded whole, however little of it the picture needs.
   if (tile_width > 0 || tile_height > 0) CheckPhotoSize(tile_width, tile_height);
   if (Number(file, directory + 2 + 12 * n_entries, 4, big) != 0) {
     notes->push_back("several pages in the file: the first one is used");
   }
-  return orientation;
+  return corrections;
 }
 
 }  // namespace
@@ -96,13 +112,17 @@ Image DecodeWithOpenCv(std::string_view file, std::vector<std::string>* notes) {
   if (type != MediaType::kUnknown && file.size() < kShortestHeader) Refuse("the file ends inside its header");
   if (type == MediaType::kPng) CheckPngHeader(file);
   if (type == MediaType::kWebp) CheckWebpHeader(file);
-  std::string upright;  // of a TIFF, whose orientation OpenCV would apply by halves: it never swaps the sides
+  std::string corrected;
   if (type == MediaType::kTiff) {
-    if (const std::optional<std::size_t> at = CheckTiffHeader(file, notes)) {
-      upright = file;
-      upright.replace(*at, 2, file[0] == 'M' ? std::string_view("\0\1", 2) : std::string_view("\1\0", 2));
-      file = upright;
+    const std::vector<TiffCorrection> corrections = CheckTiffHeader(file, notes);
+    if (!corrections.empty()) corrected = file;
+    for (const auto& [at, bytes, value] : corrections) {
+      for (int i = 0; i < bytes; ++i) {
+        const int shift = 8 * (file[0] == 'M' ? bytes - 1 - i : i);
+        corrected[at + static_cast<std::size_t>(i)] = static_cast<char>(value >> shift & 0xff);
+      }
     }
+    if (!corrections.empty()) file = corrected;
   }
 
   cv::Mat mat;

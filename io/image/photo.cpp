@@ -8,6 +8,7 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
+#include "io/image/image_size.h"
 #include "io/image/media_type.h"
 #include "io/image/photo_codecs.h"
 #include "io/image/photo_tags.h"
@@ -86,6 +87,16 @@ void FitWithin(int max_side, int* width, int* height) {
   const double scale = static_cast<double>(max_side) / longest;
   *width = std::max(1, static_cast<int>(std::lround(*width * scale)));
   *height = std::max(1, static_cast<int>(std::lround(*height * scale)));
+}
+
+std::size_t DecodingBytes(const std::filesystem::path& file) {
+  constexpr double kBytesPerPixel = 16;
+  double pixels = kMaxPhotoPixels;
+  if (const std::optional<ImageSize> size = ReadHeaderSize(file))
+    pixels = std::min(pixels, 1.0 * size->width * size->height);
+  std::error_code error;
+  const std::uintmax_t bytes = std::filesystem::file_size(file, error);
+  return static_cast<std::size_t>(kBytesPerPixel * pixels) + (error ? 0 : bytes);
 }
 
 Photo DecodePhoto(std::string_view file, int max_side) {

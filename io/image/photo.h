@@ -1,6 +1,7 @@
 // A user's picture, whatever file it came in: decoded, upright, 8-bit, no larger than asked for.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -23,6 +24,11 @@ struct Photo {
 // side [px] by area averaging; smaller pictures keep their size. Throws kBadInput with the reason, without a
 // file name: truncated, damaged, oversized, or of a kind that is not read.
 Photo DecodePhoto(std::string_view file, int max_side);
+
+// Bytes that DecodePhoto takes at most, its input included, by the size in the header: 16 per pixel, as for
+// 16 bits with alpha; photos of 8 bits take 11. Of kinds whose header is not looked at, and of what is no
+// picture, those of the largest photo.
+std::size_t DecodingBytes(const std::filesystem::path& file);
 
 // EXIF 2.32 tag 274. orientation in 1..8 says where row 0 and column 0 of the stored picture belong.
 Image ApplyOrientation(const Image& stored, int orientation);

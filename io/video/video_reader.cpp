@@ -80,6 +80,8 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   }
   // OpenCV turns to the wrong side in 4.6 and not at all in 4.11, so this is done here.
   s.capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
+  s.info.width = static_cast<int>(s.capture.get(cv::CAP_PROP_FRAME_WIDTH));
+  s.info.height = static_cast<int>(s.capture.get(cv::CAP_PROP_FRAME_HEIGHT));
   s.info.container_frames = static_cast<int>(std::clamp(s.capture.get(cv::CAP_PROP_FRAME_COUNT), 0.0, 1e9));
   // FFmpeg's tag of planar YUV with more than 8 bits: 'Y', plane layout, 11 or 10, bits.
   const auto pixel_format = static_cast<std::uint32_t>(s.capture.get(cv::CAP_PROP_CODEC_PIXEL_FORMAT));

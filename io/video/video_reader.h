@@ -11,6 +11,7 @@
 namespace io {
 
 struct VideoInfo {
+  int width = 0, height = 0;       // before rotation
   int container_frames = 0;        // what the container promises; exact for MP4, an estimate for others
   std::vector<std::string> notes;  // what a user should know about the conversion
 };

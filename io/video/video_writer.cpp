@@ -62,6 +62,11 @@ std::string FaultOfVideo(const fs::path& mp4, const fs::path& folder, int frames
 
 }  // namespace
 
+std::size_t EncodingBytes(int width, int height) {
+  constexpr std::size_t kProgram = std::size_t{80} << 20, kPerPixel = 230;
+  return kProgram + kPerPixel * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+}
+
 std::string VideoFrameName(int index) { return fmt::format("{:06}.png", index + 1); }
 
 VideoReport EncodeVideo(

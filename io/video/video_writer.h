@@ -29,6 +29,10 @@ VideoEncoder ProbeVideoEncoder(int width, int height, const std::filesystem::pat
 // The name of frame i = 0, 1, ...: "000001.png", "000002.png", ...
 std::string VideoFrameName(int index);
 
+// Bytes that ffmpeg takes for a film of this size, most of them for the frames that x264 looks ahead:
+// measured on two cores.
+std::size_t EncodingBytes(int width, int height);
+
 // Encodes frames 0 .. frames - 1 of `folder` (even width and height) as yuv420p, index in front
 // so that browsers start at once. The product is decoded and compared with the frames before it gets its
 // name. Throws kMissingTool with the encoder's last words.

@@ -30,26 +30,42 @@ std::vector<bool> Dataset::UsedPixels() const {
 
 namespace {
 
-// The runs of one view per mask; none when all masks are empty.
-std::vector<PixelRun> UsedRuns(const std::vector<View>& views, const std::vector<io::Mask>& masks) {
-  std::vector<PixelRun> runs;
-  if (std::all_of(masks.begin(), masks.end(), [](const io::Mask& mask) { return mask.used.empty(); }))
-    return runs;
-  std::uint32_t rank = 0, pixel = 0;
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const std::size_t n =
-        static_cast<std::size_t>(views[i].width) * static_cast<std::size_t>(views[i].height);
-    for (std::size_t p = 0; p < n; ++p, ++pixel) {
-      if (!masks[i].Uses(p)) continue;
-      if (p == 0 || !masks[i].Uses(p - 1)) runs.push_back({rank, pixel});
-      ++rank;
-    }
+// Used pixels of one view without a gap, counted from its first: [first, last).
+struct Stretch {
+  std::uint32_t first, last;
+};
+
+std::vector<Stretch> StretchesOf(const io::Mask& mask, std::size_t n_pixels) {
+  std::vector<Stretch> stretches;
+  for (std::size_t p = 0; p < n_pixels; ++p) {
+    if (!mask.Uses(p)) continue;
+    if (p == 0 || !mask.Uses(p - 1)) stretches.push_back({static_cast<std::uint32_t>(p), 0});
+    stretches.back().last = static_cast<std::uint32_t>(p + 1);
   }
-  runs.push_back({rank, pixel});
+  return stretches;
+}
+
+std::vector<PixelRun> RunsOf(const std::vector<View>& views, const std::vector<std::vector<Stretch>>& used) {
+  std::vector<PixelRun> runs;
+  std::uint32_t rank = 0;
+  std::size_t n_pixels = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    for (const Stretch& stretch : used[i]) {
+      runs.push_back({rank, static_cast<std::uint32_t>(views[i].first_pixel + stretch.first)});
+      rank += stretch.last - stretch.first;
+    }
+    n_pixels = views[i].first_pixel + views[i].n_pixels();
+  }
+  runs.push_back({rank, static_cast<std::uint32_t>(n_pixels)});
   return runs;
 }
 
-io::Image ReadPicture(const io::Frame& frame, const io::Camera& camera) {
+const io::Camera& CameraOf(const io::Scene& scene, const io::Frame& frame) {
+  return scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+}
+
+io::Image ReadPicture(const io::Scene& scene, const io::Frame& frame) {
+  const io::Camera& camera = CameraOf(scene, frame);
   io::Image image = io::ReadImage(frame.image_path);
   if (image.width != camera.width || image.height != camera.height) {
     throw Error(ExitCode::kBadInput,
@@ -63,68 +79,107 @@ io::Image ReadPicture(const io::Frame& frame, const io::Camera& camera) {
   return image;
 }
 
-bool HasAlpha(const std::vector<io::Image>& images) {
-  for (const io::Image& image : images) {
-    for (std::size_t p = 3; image.channels == 4 && p < image.data.size(); p += 4) {
-      if (image.data[p] != 255) return true;
-    }
+bool HasAlpha(const io::Image& image) {
+  for (std::size_t p = 3; image.channels == 4 && p < image.data.size(); p += 4) {
+    if (image.data[p] != 255) return true;
   }
   return false;
 }
 
-// Copies a picture to its place in dataset->pixels. Pixels that are not used become opaque.
-void CopyPicture(const io::Image& image, const io::Mask& mask, std::size_t first_pixel, Dataset* dataset) {
-  const auto channels = static_cast<std::size_t>(dataset->channels),
-             source_channels = static_cast<std::size_t>(image.channels);
-  std::uint8_t* pixels = &dataset->pixels[first_pixel * channels];
-  if (source_channels == channels) {
-    std::copy(image.data.begin(), image.data.end(), pixels);
-  } else {
-    for (std::size_t p = 0; p < image.data.size() / source_channels; ++p)
-      std::copy_n(&image.data[p * source_channels], channels, pixels + p * channels);
-  }
-  for (std::size_t p = 0; channels == 4 && p < mask.used.size(); ++p) {
-    if (!mask.Uses(p)) pixels[p * channels + 3] = 255;
+// Copies pixels of one number of channels to those of another; alpha that is new is opaque.
+void CopyPixels(const std::uint8_t* from, int from_channels, std::size_t n, std::uint8_t* to, int channels) {
+  const std::size_t common = static_cast<std::size_t>(std::min(from_channels, channels));
+  for (std::size_t p = 0; p < n; ++p, from += from_channels, to += channels) {
+    std::copy_n(from, common, to);
+    if (channels > from_channels) to[3] = 255;
   }
 }
 
 }  // namespace
 
-Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
+Dataset LayOutDataset(const io::Scene& scene, int threads, double pixel_offset) {
+  if (scene.frames.empty()) throw Error(ExitCode::kBadInput, "the scene has no pictures");
+  Dataset dataset;
+  std::size_t n_pixels = 0;
+  bool has_masks = false;
+  for (const io::Frame& frame : scene.frames) {
+    const io::Camera& camera = CameraOf(scene, frame);
+    dataset.views.push_back({frame.image_path.stem().string(),
+                             RayCamera(camera, frame.world_from_cam, pixel_offset),
+                             camera.width,
+                             camera.height,
+                             n_pixels});
+    n_pixels += dataset.views.back().n_pixels();
+    has_masks |= !frame.mask_path.empty();
+  }
+  if (n_pixels > UINT32_MAX)
+    throw Error(
+        ExitCode::kBadInput,
+        fmt::format(
+            "the pictures have {} million pixels; the limit is {}", n_pixels / 1000000, UINT32_MAX / 1000000),
+        "Use a smaller --image-size of pipeline normalize");
+  if (!has_masks) return dataset;
+  std::vector<std::vector<Stretch>> used(scene.frames.size());
+  io::Workers(threads).Run(static_cast<int>(used.size()), [&](int index, int) {
+    const auto i = static_cast<std::size_t>(index);
+    const View& view = dataset.views[i];
+    const std::filesystem::path& path = scene.frames[i].mask_path;
+    used[i] =
+        StretchesOf(path.empty() ? io::Mask{} : io::ReadMask(path, view.width, view.height), view.n_pixels());
+  });
+  dataset.runs = PixelRuns(RunsOf(dataset.views, used));
+  return dataset;
+}
+
+bool ReadPictures(const io::Scene& scene,
+                  int threads,
+                  const std::function<void(std::size_t view, const io::Image&)>& take) {
   const std::size_t n = scene.frames.size();
-  if (n == 0) throw Error(ExitCode::kBadInput, "the scene has no pictures");
-  const auto camera_of = [&](const io::Frame& frame) -> const io::Camera& {
-    return scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-  };
-  std::vector<io::Image> images(n);
-  std::vector<io::Mask> masks(n);
+  std::vector<std::uint8_t> has_alpha(n), has_channel(n);
   io::Workers(threads).Run(static_cast<int>(n), [&](int index, int) {
     const auto i = static_cast<std::size_t>(index);
-    const io::Frame& frame = scene.frames[i];
-    const io::Camera& camera = camera_of(frame);
-    images[i] = ReadPicture(frame, camera);
-    if (!frame.mask_path.empty()) masks[i] = io::ReadMask(frame.mask_path, camera.width, camera.height);
+    const io::Image image = ReadPicture(scene, scene.frames[i]);
+    has_channel[i] = image.channels == 4;
+    has_alpha[i] = HasAlpha(image);
+    take(i, image);
   });
-  Dataset dataset;
-  dataset.channels = HasAlpha(images) ? 4 : 3;
-  std::size_t n_pixels = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const io::Frame& frame = scene.frames[i];
-    if (dataset.channels == 4 && images[i].channels != 4) {
-      throw Error(ExitCode::kBadInput,
-                  frame.image_path.string() + ": has no alpha channel while other pictures do");
-    }
-    const RayCamera camera(camera_of(frame), frame.world_from_cam, pixel_offset);
-    dataset.views.push_back(
-        {frame.image_path.stem().string(), camera, images[i].width, images[i].height, n_pixels});
-    n_pixels += static_cast<std::size_t>(images[i].width) * static_cast<std::size_t>(images[i].height);
-  }
+  if (std::count(has_alpha.begin(), has_alpha.end(), 1) == 0) return false;
+  const auto lacking = std::find(has_channel.begin(), has_channel.end(), 0);
+  if (lacking == has_channel.end()) return true;
+  const io::Frame& frame = scene.frames[static_cast<std::size_t>(lacking - has_channel.begin())];
+  throw Error(ExitCode::kBadInput,
+              frame.image_path.string() + ": has no alpha channel while other pictures do");
+}
+
+int StoredChannels(const io::Scene& scene) {
+  if (scene.frames.empty()) throw Error(ExitCode::kBadInput, "the scene has no pictures");
+  return ReadPicture(scene, scene.frames[0]).channels;
+}
+
+Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset) {
+  Dataset dataset = LayOutDataset(scene, threads, pixel_offset);
+  const View& last = dataset.views.back();
+  const std::size_t n_pixels = last.first_pixel + last.n_pixels();
+  // Pictures go to their final place at once: together they may fill most of the memory.
+  dataset.channels = StoredChannels(scene);
   dataset.pixels.resize(n_pixels * static_cast<std::size_t>(dataset.channels));
-  for (std::size_t i = 0; i < n; ++i) {
-    CopyPicture(images[i], masks[i], dataset.views[i].first_pixel, &dataset);
-    images[i] = {};
+  const bool has_alpha = ReadPictures(scene, threads, [&](std::size_t i, const io::Image& image) {
+    const View& view = dataset.views[i];
+    CopyPixels(image.data.data(),
+               image.channels,
+               view.n_pixels(),
+               &dataset.pixels[view.first_pixel * static_cast<std::size_t>(dataset.channels)],
+               dataset.channels);
+  });
+  if (dataset.channels == 4 && !has_alpha) {
+    CopyPixels(dataset.pixels.data(), 4, n_pixels, dataset.pixels.data(), 3);
+    dataset.channels = 3;
+    dataset.pixels.resize(n_pixels * 3);
   }
-  dataset.runs = PixelRuns(UsedRuns(dataset.views, masks));
+  const std::vector<bool> used = dataset.UsedPixels();
+  for (std::size_t p = 0; dataset.channels == 4 && p < used.size(); ++p) {
+    if (!used[p]) dataset.pixels[4 * p + 3] = 255;
+  }
   return dataset;
 }
 

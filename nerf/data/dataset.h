@@ -4,10 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "io/image/image.h"
 #include "io/scene/scene.h"
 #include "nerf/data/pixel_runs.h"
 #include "nerf/sampling/ray.h"
@@ -19,6 +21,7 @@ struct View {
   RayCamera camera;
   int width, height;
   std::size_t first_pixel;  // into Dataset::pixels, in pixels
+  std::size_t n_pixels() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
 };
 
 // Distance from a camera to what one point of its picture shows.
@@ -57,7 +60,19 @@ struct Dataset {
 
 // Reads the pictures of a scene and their masks. Pictures with and without alpha do not mix; alpha that is
 // opaque everywhere is dropped; pixels that are not used are opaque, for nothing is known to be empty there.
-// Throws kBadInput when a picture is missing or differs in size from its camera, or a mask from its picture.
+// Throws kBadInput when a picture is missing or differs in size from its camera, or a mask from its picture,
+// or when all have more than 2^32 pixels.
 Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset = 0.5);
+
+// Channels of the first picture, as stored: 3 or 4.
+int StoredChannels(const io::Scene& scene);
+
+// Its views and the runs of used pixels, without reading a picture: `pixels` is empty.
+Dataset LayOutDataset(const io::Scene& scene, int threads, double pixel_offset);
+// Calls take(view, picture) for every picture, on several threads, so that no more than one per thread is in
+// memory. Returns whether the pictures have alpha.
+bool ReadPictures(const io::Scene& scene,
+                  int threads,
+                  const std::function<void(std::size_t view, const io::Image& picture)>& take);
 
 }  // namespace nerf

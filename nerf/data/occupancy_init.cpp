@@ -13,17 +13,19 @@ namespace {
 // Whether a rectangle's pixels have alpha > 0: none, some or all of them.
 enum class Coverage { kNone, kSome, kAll };
 
-// Number of pixels with alpha > 0 in any rectangle, from a summed-area table.
+// Number of pixels with alpha > 0 in any rectangle, from a summed-area table. Its sums are kept modulo 2^16,
+// since the tables of all views are in memory together: rectangles of fewer pixels come out right, larger
+// ones are counted by rows.
 class AlphaCount {
  public:
   AlphaCount(const Dataset& dataset, const View& view) : width_(view.width), height_(view.height) {
     const auto stride = static_cast<std::size_t>(width_) + 1;
     sums_.assign(stride * (static_cast<std::size_t>(height_) + 1), 0);
     for (std::size_t y = 0; y < static_cast<std::size_t>(height_); ++y) {
-      std::uint32_t row = 0;
+      std::uint16_t row = 0;
       for (std::size_t x = 0; x < static_cast<std::size_t>(width_); ++x) {
         row += dataset.pixels[(view.first_pixel + y * static_cast<std::size_t>(width_) + x) * 4 + 3] > 0;
-        sums_[(y + 1) * stride + x + 1] = sums_[y * stride + x + 1] + row;
+        sums_[(y + 1) * stride + x + 1] = static_cast<std::uint16_t>(sums_[y * stride + x + 1] + row);
       }
     }
   }
@@ -36,16 +38,27 @@ class AlphaCount {
                       x1 = clamp(std::ceil(centre.x() + radius), width_);
     const std::size_t y0 = clamp(std::floor(centre.y() - radius), height_),
                       y1 = clamp(std::ceil(centre.y() + radius), height_);
-    const auto stride = static_cast<std::size_t>(width_) + 1;
-    const std::size_t count = std::size_t{sums_[y1 * stride + x1]} + sums_[y0 * stride + x0] -
-                              sums_[y0 * stride + x1] - sums_[y1 * stride + x0];
+    const std::size_t area = (x1 - x0) * (y1 - y0);
+    std::size_t count = 0;
+    if (area <= UINT16_MAX) {
+      count = Count(x0, x1, y0, y1);
+    } else {
+      for (std::size_t y = y0; y < y1; ++y) count += Count(x0, x1, y, y + 1);
+    }
     if (count == 0) return Coverage::kNone;
-    return count == (x1 - x0) * (y1 - y0) ? Coverage::kAll : Coverage::kSome;
+    return count == area ? Coverage::kAll : Coverage::kSome;
   }
 
  private:
+  // Of at most UINT16_MAX pixels.
+  std::uint16_t Count(std::size_t x0, std::size_t x1, std::size_t y0, std::size_t y1) const {
+    const auto stride = static_cast<std::size_t>(width_) + 1;
+    return static_cast<std::uint16_t>(sums_[y1 * stride + x1] + sums_[y0 * stride + x0] -
+                                      sums_[y0 * stride + x1] - sums_[y1 * stride + x0]);
+  }
+
   int width_, height_;
-  std::vector<std::uint32_t> sums_;
+  std::vector<std::uint16_t> sums_;
 };
 
 // Carves the visual hull from blocks to cells: a block that some view sees wholly on transparent pixels is

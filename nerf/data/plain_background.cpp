@@ -83,7 +83,7 @@ std::vector<std::uint8_t> AlphaOf(const std::vector<std::size_t>& seeds,
 
 }  // namespace
 
-void MarkPlainBackground(Dataset* dataset) {
+void MarkPlainBackground(Dataset* dataset, const io::MemoryBudget& memory) {
   if (dataset->channels != 3) return;
   const std::vector<bool> used = dataset->UsedPixels();
   std::vector<std::vector<std::size_t>> borders;
@@ -94,16 +94,21 @@ void MarkPlainBackground(Dataset* dataset) {
   }
   Colour colour;
   if (!ColourOf(*dataset, all, &colour)) return;
-  std::vector<std::uint8_t> pixels;
-  pixels.reserve(dataset->n_pixels() * 4);
-  for (std::size_t v = 0; v < dataset->views.size(); ++v) {
+  memory.Require(4 * dataset->n_pixels(), "telling objects from their plain background");
+  // In place and from the end, where each pixel moves to beyond those that are still to move.
+  std::vector<std::uint8_t>& pixels = dataset->pixels;
+  pixels.reserve(dataset->n_pixels() * 4);  // and no more, as resizing alone would
+  pixels.resize(dataset->n_pixels() * 4);
+  for (std::size_t v = dataset->views.size(); v-- > 0;) {
     const View& view = dataset->views[v];
-    const std::uint8_t* rgb = &dataset->pixels[3 * view.first_pixel];
+    const std::uint8_t* rgb = &pixels[3 * view.first_pixel];
     const std::vector<std::uint8_t> alpha = AlphaOf(borders[v], rgb, view, used, colour);
-    for (std::size_t pixel = 0; pixel < alpha.size(); ++pixel)
-      pixels.insert(pixels.end(), {rgb[3 * pixel], rgb[3 * pixel + 1], rgb[3 * pixel + 2], alpha[pixel]});
+    for (std::size_t pixel = alpha.size(); pixel-- > 0;) {
+      const std::array<std::uint8_t, 4> rgba = {
+          rgb[3 * pixel], rgb[3 * pixel + 1], rgb[3 * pixel + 2], alpha[pixel]};
+      std::copy(rgba.begin(), rgba.end(), &pixels[4 * (view.first_pixel + pixel)]);
+    }
   }
-  dataset->pixels = std::move(pixels);
   dataset->channels = 4;
   dataset->background.emplace();
   for (std::size_t j = 0; j < 3; ++j) (*dataset->background)[j] = static_cast<float>(colour[j]) / 255.f;

@@ -1,6 +1,7 @@
 // Objects before one colour, such as the white that renderers and light tents have.
 #pragma once
 
+#include "io/base/memory.h"
 #include "nerf/data/dataset.h"
 
 namespace nerf {
@@ -13,6 +14,7 @@ namespace nerf {
 //   128  any other, whose colour may have background in it
 // Pixels that are not used never get 0.
 // Pictures with alpha stay as they are.
-void MarkPlainBackground(Dataset* dataset);
+// Throws kNoResources when the memory does not suffice for the channel.
+void MarkPlainBackground(Dataset* dataset, const io::MemoryBudget& memory = io::MemoryBudget());
 
 }  // namespace nerf

@@ -1,5 +1,6 @@
 #include "nerf/fields/checkpoint.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -74,7 +75,25 @@ std::string TextIn(const Json& json, const char* key) {
   return it != json.end() && it->is_string() ? it->get<std::string>() : "";
 }
 
-// Header of a checkpoint whose text is `file`, at least up to the header's end.
+// A checkpoint's file. Tensors are read to where they belong: all of it would be in memory twice.
+struct CheckpointFile {
+  explicit CheckpointFile(const std::filesystem::path& path) : in(path, std::ios::binary) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error) || !in)
+      throw Error(ExitCode::kBadInput, path.string() + ": no such file");
+    size = std::filesystem::file_size(path);
+  }
+  // The first bytes, at most `count`.
+  std::string Start(std::size_t count) {
+    std::string start(std::min<std::size_t>(count, size), '\0');
+    in.read(start.data(), static_cast<std::streamsize>(start.size()));
+    return start;
+  }
+  std::ifstream in;
+  std::uintmax_t size = 0;
+};
+
+// Header of a checkpoint that begins with `file`, at least up to the header's end.
 Json ParseHeader(const std::filesystem::path& path, const std::string& file, std::size_t* tensors_at) {
   if (file.size() < kPrefix || file.compare(0, kMagicSize, kMagic) != 0)
     Reject(path, "is not a checkpoint of this version");
@@ -153,30 +172,28 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                      {"squared_error", state.squared_error},
                      {"channels", state.channels},
                      {"camera_values", state.cameras.size()}};
-  std::size_t size = kPrefix;
   std::vector<float> cameras = state.cameras;
   const std::vector<Entry> entries = Entries(scene_field, cameras);
   for (const Entry& entry : entries) {
     header["tensors"].push_back(
         {{"name", entry.name}, {"bytes", entry.bytes}, {"hash", io::HashBytes(entry.view())}});
-    size += entry.bytes;
   }
   const std::string text = header.dump();
   const auto length = static_cast<std::uint32_t>(text.size());
-  std::string file;
-  file.reserve(size + text.size());
-  file.append(kMagic, kMagicSize)
-      .append(reinterpret_cast<const char*>(&length), 4)
-      .append(io::HashBytes(text))
-      .append(text);
-  for (const Entry& entry : entries) file.append(entry.view());
-  io::WriteFileAtomically(path, file);
+  std::string start(kMagic, kMagicSize);
+  start.append(reinterpret_cast<const char*>(&length), 4).append(io::HashBytes(text)).append(text);
+  std::vector<std::string_view> parts = {start};
+  for (const Entry& entry : entries) parts.push_back(entry.view());
+  io::WriteFileAtomically(path, parts);
 }
 
 std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, TrainState* state) {
-  const std::string file = io::ReadFile(path, kMaxFile);
+  CheckpointFile file(path);
+  if (file.size > kMaxFile)
+    throw Error(ExitCode::kBadInput, path.string() + ": larger than " + std::to_string(kMaxFile) + " bytes");
   std::size_t at = 0;
-  Json header = ParseHeader(path, file, &at);
+  Json header = ParseHeader(path, file.Start(kPrefix + kMaxHeader), &at);
+  file.in.seekg(static_cast<std::streamoff>(at));
   const Json &m = header["map"], &s = header["sampling"], &t = header["state"];
   constexpr float kHuge = 1e30f;
   SceneContraction contraction;
@@ -222,25 +239,22 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
     if (TextIn(listed, "name") != entry.name ||
         Get(path, listed, "bytes", std::size_t{0}, kMaxFile) != entry.bytes)
       Reject(path, "tensor " + entry.name + " has another size");
-    if (file.size() - at < entry.bytes) Reject(path, "is cut off in tensor " + entry.name);
-    std::memcpy(entry.data, file.data() + at, entry.bytes);
+    if (file.size - at < entry.bytes) Reject(path, "is cut off in tensor " + entry.name);
+    if (!file.in.read(entry.data, static_cast<std::streamsize>(entry.bytes)))
+      throw Error(ExitCode::kBadInput, path.string() + ": cannot be read");
     if (TextIn(listed, "hash") != io::HashBytes(entry.view()))
       Reject(path, "hash of tensor " + entry.name + " differs");
     at += entry.bytes;
   }
-  if (at != file.size()) Reject(path, "has bytes after its last tensor");
+  if (at != file.size) Reject(path, "has bytes after its last tensor");
   scene_field->field->Refresh();
   scene_field->grid.Refresh();
   return scene_field;
 }
 
 FieldKind KindOfCheckpoint(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string start(kPrefix + kMaxHeader, '\0');
-  in.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(in.gcount()));
   std::size_t at = 0;
-  return KindIn(path, ParseHeader(path, start, &at));
+  return KindIn(path, ParseHeader(path, CheckpointFile(path).Start(kPrefix + kMaxHeader), &at));
 }
 
 }  // namespace nerf

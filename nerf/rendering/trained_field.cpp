@@ -27,6 +27,8 @@ class CheckpointTrainedField : public TrainedField {
     const std::array<float, 3> background =
         options.limits.crop ? options.background
                             : scene_field_->Background(state_.channels == 4, options.background);
+    const std::size_t n = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+    view.rgb.reserve(3 * n), view.depth.reserve(n), view.median_depth.reserve(n), view.opacity.reserve(n);
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
@@ -53,6 +55,24 @@ class CheckpointTrainedField : public TrainedField {
 };
 
 }  // namespace
+
+std::size_t LoadedFieldBytes(const std::filesystem::path& checkpoint) {
+  // Values and moments are 5 to 12 bytes of a tensor's value in the file, its rounded copy is 2 more.
+  constexpr double kCopies = 1.4;
+  constexpr std::size_t kGridBytes = std::size_t{32} << 20;
+  std::error_code error;
+  const std::uintmax_t bytes = std::filesystem::file_size(checkpoint, error);
+  return error ? kGridBytes : static_cast<std::size_t>(kCopies * static_cast<double>(bytes)) + kGridBytes;
+}
+
+std::size_t RenderingBytes(const io::Camera& camera, int samples_per_pixel) {
+  constexpr std::size_t kPerPixel =
+      48;  // 24 of the view, 3 of the picture, twice as much while it is encoded
+  constexpr std::size_t kPerRay = sizeof(Ray) + 2 * sizeof(RenderedRay) + sizeof(CameraPixel);
+  const auto width = static_cast<std::size_t>(camera.width), height = static_cast<std::size_t>(camera.height);
+  const auto rays = static_cast<std::size_t>(samples_per_pixel);
+  return kPerPixel * width * height + kPerRay * rays * width * std::min<std::size_t>(kBandRows, height);
+}
 
 std::unique_ptr<TrainedField> TrainedField::Load(const std::filesystem::path& checkpoint) {
   return std::make_unique<CheckpointTrainedField>(checkpoint);

@@ -40,6 +40,13 @@ struct RenderedView {
   std::vector<float> median_depth = {};
 };
 
+// Bytes that a checkpoint's field takes: its tensors with the tables' rounded copies, and the occupancy grid.
+std::size_t LoadedFieldBytes(const std::filesystem::path& checkpoint);
+
+// Bytes that rendering a picture takes: the view, a band of rays, and the picture as it is written. `view`
+// itself is about half of it.
+std::size_t RenderingBytes(const io::Camera& camera, int samples_per_pixel);
+
 class TrainedField {
  public:
   // Throws kBadState naming the check that failed.

@@ -17,19 +17,29 @@ constexpr std::array<float, 3> kWhite = {1, 1, 1};
 
 HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset) {
   if (heldout.frames.empty()) return;
-  const Dataset dataset = LoadDataset(heldout, threads, pixel_offset);
-  views_ = dataset.views;
-  has_alpha_ = dataset.channels == 4;
+  const Dataset layout = LayOutDataset(heldout, threads, pixel_offset);
+  views_ = layout.views;
+  const std::size_t n_used =
+      layout.runs.empty() ? views_.back().first_pixel + views_.back().n_pixels() : layout.runs.size();
+  std::vector<std::vector<std::size_t>> drawn(views_.size());  // places in pixels_
   for (std::uint64_t i = 0; i < kPixels; ++i) {
-    const std::size_t pixel = dataset.UsedPixel(
-        io::Random(0, io::Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(dataset.n_used())));
-    const View& view = views_[static_cast<std::size_t>(&dataset.ViewOf(pixel) - dataset.views.data())];
+    const std::size_t pixel =
+        layout.UsedPixel(io::Random(0, io::Stream::kMonitor, 0, i).Below(static_cast<std::uint32_t>(n_used)));
+    const auto v = static_cast<std::size_t>(&layout.ViewOf(pixel) - layout.views.data());
+    const View& view = views_[v];
     const int in_view = static_cast<int>(pixel - view.first_pixel);
+    drawn[v].push_back(pixels_.size());
     pixels_.push_back({&view.camera, in_view % view.width, in_view / view.width});
-    const std::uint8_t* p = &dataset.pixels[pixel * static_cast<std::size_t>(dataset.channels)];
-    const float alpha = dataset.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
-    for (int j = 0; j < 3; ++j) target_.push_back(static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha));
   }
+  target_.resize(3 * pixels_.size());
+  has_alpha_ = ReadPictures(heldout, threads, [&](std::size_t v, const io::Image& image) {
+    for (const std::size_t i : drawn[v]) {
+      const std::uint8_t* p = image.Pixel(pixels_[i].x, pixels_[i].y);
+      const float alpha = image.channels == 4 ? static_cast<float>(p[3]) / 255.f : 1.f;
+      for (std::size_t j = 0; j < 3; ++j)
+        target_[3 * i + j] = static_cast<float>(p[j]) / 255.f * alpha + (1.f - alpha);
+    }
+  });
 }
 
 double HeldoutMonitor::Psnr(const SceneField& scene_field, io::Workers* workers) const {

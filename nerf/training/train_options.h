@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 
+#include "io/base/memory.h"
 #include "nerf/fields/scene_field.h"
 #include "nerf/training/training_schedule.h"
 
@@ -44,6 +45,7 @@ struct TrainOptions {
   int steps = 0;  // > 0: this many steps instead; the result then depends on nothing but seed and inputs
   std::uint64_t seed = 1;
   int threads = 1;
+  io::MemoryBudget memory = io::MemoryBudget();
   double learning_rate = 0;        // Adam; 0: the field's own, above
   int samples_per_step = 1 << 14;  // `hash`: target; the number of rays follows from the samples they meet
   bool refine_cameras = true;      // `hash`, photographs: move the poses that their rays pull at

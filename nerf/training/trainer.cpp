@@ -18,6 +18,7 @@
 #include "nerf/training/field_training.h"
 #include "nerf/training/heldout_monitor.h"
 #include "nerf/training/training_clock.h"
+#include "nerf/training/training_memory.h"
 #include "nerf/training/training_progress.h"
 
 namespace nerf {
@@ -60,16 +61,22 @@ class Trainer {
         folder_(folder),
         kind_(kTrainingKinds[static_cast<std::size_t>(options.field.kind)]),
         workers_(options.threads),
-        dataset_(LoadDataset(scene, options.threads, options.field.PixelOffset())),
+        dataset_(LoadPictures()),
         curve_(folder / "curve.csv") {}
 
   TrainReport Run();
 
  private:
+  Dataset LoadPictures() const;
   void Begin();
   void MakeField();
   void MakeTraining();
   double Progress(double elapsed_s) const { return progress_.At(state_.step, elapsed_s); }
+  // For pictures and field.
+  void RequireMemory(std::size_t picture_bytes, bool has_alpha) const {
+    options_.memory.Require(picture_bytes + TrainedFieldBytes(options_, has_alpha),
+                            fmt::format("training on {} pictures", scene_.frames.size()));
+  }
   bool HasReachedTarget() const;
   void Step(double progress);
   void Skip(const std::string& fault);
@@ -111,6 +118,17 @@ class Trainer {
   std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
 };
 
+Dataset Trainer::LoadPictures() const {
+  std::size_t n_pixels = 0;
+  for (const io::Frame& frame : scene_.frames) {
+    const io::Camera& camera = scene_.cameras[static_cast<std::size_t>(frame.camera_index)];
+    n_pixels += static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  }
+  const int channels = StoredChannels(scene_);
+  RequireMemory(PictureBytes(n_pixels, channels), channels == 4);
+  return LoadDataset(scene_, options_.threads, options_.field.PixelOffset());
+}
+
 void Trainer::MakeTraining() {
   if (kind_.drops_idle_pixels && dataset_.channels == 4) {
     DropPixelsBesideHull(
@@ -139,7 +157,10 @@ void Trainer::MakeField() {
 }
 
 void Trainer::Begin() {
-  MarkPlainBackground(&dataset_);
+  const bool had_alpha = dataset_.channels == 4;
+  MarkPlainBackground(&dataset_, options_.memory);
+  if (dataset_.channels == 4 && !had_alpha)
+    RequireMemory(PictureBytes(dataset_.n_pixels(), 4) - dataset_.pixels.size(), true);
   if (dataset_.channels == 3) dataset_.depths = SparseDepths(scene_, dataset_);
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   if (std::filesystem::exists(checkpoint)) {

@@ -40,7 +40,8 @@ struct TrainReport {
 
 // Writes checkpoint.bin and curve.csv into `folder`; continues from them when they are there. heldout may
 // have no frames. On a pending interrupt it writes a checkpoint and throws io::Interrupted. Throws kNumeric
-// when the loss stays non-finite, naming step, ray and seed.
+// when the loss stays non-finite, naming step, ray and seed, and kNoResources, before pictures are read, when
+// options.memory does not suffice for them and the field.
 TrainReport Train(const io::Scene& scene,
                   const io::Scene& heldout,
                   const TrainOptions& options,

@@ -70,7 +70,8 @@ int RunDoctor(int argc, const char* const* argv) {
 
     const bool has_colmap = Report("COLMAP", FindColmap(), "colmap");
     const bool has_ffmpeg = Report("ffmpeg", FindFfmpeg(), "ffmpeg");
-    Report("LibTorch", FindTorch(), "libtorch-dev");  // only --field nerf needs it
+    Report("LibTorch", FindTorch(), "libtorch-dev");                           // only --field nerf needs it
+    Report("export", FindExporter(), "libmeshoptimizer-dev libtinygltf-dev");  // and build all targets
     for (const StageEntry& stage : StageTable()) ProgramOf(stage.name);
     if (!has_colmap || !has_ffmpeg) {
       const std::string missing = has_colmap ? "ffmpeg" : has_ffmpeg ? "COLMAP" : "COLMAP and ffmpeg";

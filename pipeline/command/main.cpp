@@ -22,7 +22,7 @@ constexpr Command kCommands[] = {
     {"run", "all stages: from pictures, a video or known poses to film and report"},
     {"view", "look around in a run in the browser, also while it trains"},
     {"export", "write cameras, points, depth maps and splats of a run for other programs"},
-    {"doctor", "check this computer: processor, BLAS, memory, disk, COLMAP, ffmpeg"},
+    {"doctor", "check this computer: processor, BLAS, memory, disk, COLMAP, ffmpeg, exports"},
     {"bench", "measure speed against error: bench sfm, bench kernels, bench train"},
 };
 

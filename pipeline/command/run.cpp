@@ -59,16 +59,27 @@ struct Forward {
   const char* stage_option;
 };
 constexpr Forward kForwards[] = {
-    {"time", "train", "time"},           {"target", "train", "target"},
-    {"field", "train", "field"},         {"preset", "train", "preset"},
-    {"masks", "ingest", "masks"},        {"max-frames", "ingest", "max-frames"},
-    {"frames", "ingest", "frames"},      {"max-size", "ingest", "max-size"},
-    {"features", "sfm", "features"},     {"image-size", "normalize", "image-size"},
-    {"holdout", "normalize", "holdout"}, {"holdout-every", "normalize", "holdout-every"},
-    {"steps", "train", "steps"},         {"seed", "train", "seed"},
-    {"frames-out", "render", "frames"},  {"fps", "render", "fps"},
-    {"depth", "render", "depth"},        {"support", "render", "support"},
-    {"threads", "", "threads"},          {"force", "", "force"},
+    {"time", "train", "time"},
+    {"target", "train", "target"},
+    {"field", "train", "field"},
+    {"preset", "train", "preset"},
+    {"masks", "ingest", "masks"},
+    {"max-frames", "ingest", "max-frames"},
+    {"frames", "ingest", "frames"},
+    {"max-size", "ingest", "max-size"},
+    {"features", "sfm", "features"},
+    {"image-size", "normalize", "image-size"},
+    {"holdout", "normalize", "holdout"},
+    {"holdout-every", "normalize", "holdout-every"},
+    {"steps", "train", "steps"},
+    {"seed", "train", "seed"},
+    {"frames-out", "render", "frames"},
+    {"fps", "render", "fps"},
+    {"depth", "render", "depth"},
+    {"support", "render", "support"},
+    {"threads", "", "threads"},
+    {"memory", "", "memory"},
+    {"force", "", "force"},
 };
 
 void AddRunOptions(Options* options, RunOptions* run) {

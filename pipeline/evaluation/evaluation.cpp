@@ -28,6 +28,8 @@ namespace fs = std::filesystem;
 constexpr std::uint8_t kWhite = 255;
 // Of pixels that a mask leaves out, in compare/: what was there can still be seen.
 constexpr std::uint8_t kDarkening = 4;
+// Of a pixel whose view is scored: FLIP and SSIM filter both pictures in double.
+constexpr std::size_t kScoringBytes = 320;
 
 fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
   return folder / "renders" / (frame.image_path.stem().string() + ".png");
@@ -205,7 +207,10 @@ Scores ScoreViews(const io::Scene& test, const fs::path& folder, const Evaluatio
   });
   result.views.resize(test.frames.size());
   std::vector<double> mses(test.frames.size()), plain(test.frames.size());
-  io::Workers workers(options.threads);
+  const std::size_t n_pixels =
+      static_cast<std::size_t>(result.width) * static_cast<std::size_t>(result.height);
+  io::Workers workers(
+      options.memory.AtOnce(options.threads, kScoringBytes * n_pixels, 0, "evaluate: scoring a view"));
   io::Progress progress("evaluate: score");
   std::atomic<int> done = 0;
   workers.Run(n, [&](int i, int thread) {

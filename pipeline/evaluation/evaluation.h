@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "io/base/memory.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
 #include "io/scene/scene.h"
@@ -19,6 +20,7 @@ struct EvaluationOptions {
   int max_strips = 24;       // views to write pictures of into compare/, worst first
   bool error_budget = true;  // measure where the error lies (error_budget.h)
   int threads = 1;
+  io::MemoryBudget memory = io::MemoryBudget();  // fewer views are scored at once where it is short
 };
 
 // The picture of a frame, on white where it has alpha, and its mask.

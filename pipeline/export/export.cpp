@@ -9,6 +9,7 @@
 
 #include "io/base/error.h"
 #include "io/base/quoting.h"
+#include "nerf/rendering/trained_field.h"
 #include "pipeline/export/cameras_export.h"
 #include "pipeline/export/dense_surface.h"
 #include "pipeline/export/depth_export.h"
@@ -84,6 +85,10 @@ void AddExportOptions(Options* options, ExportOptions* to) {
                "longer side of the views that points and splats come from [px]; 0 = of the training pictures",
                {.min = 0, .max = 16384});
   options->Add("threads", &to->common.threads, "worker threads; 0 = all cores", {.min = 0});
+  options->Add("memory",
+               &to->common.memory,
+               "most memory to take, such as 2G; default: what the machine has free",
+               {.check = ParseBytes});
   options->Add("force", &to->common.force, "replace a file that this program did not write");
 }
 
@@ -121,6 +126,9 @@ void Say(const char* what, const fs::path& path, const std::string& note = "") {
 void Export(const ExportOptions& options) {
   std::optional<nerf::CropBox> crop;
   if (!options.crop.empty()) crop = ReadCrop(options.crop).box;
+  const io::MemoryBudget memory = ResolvedMemory(options.common);
+  if (options.NeedsField())
+    memory.Require(nerf::LoadedFieldBytes(options.run / "train/checkpoint.bin"), "export: the field");
   ExportedScene scene =
       LoadExportedScene(options.run, options.frame, options.NeedsField(), ResolvedThreads(options.common));
   scene.crop = crop;

@@ -52,6 +52,30 @@ io::Camera CameraOfPath(const CameraPathFile& file) {
   return nerf::CameraOfView(file.width, file.height, file.frames.front().fov_y);
 }
 
+// Rendering a frame, with its depth and support beside it, or encoding all of them.
+void RequireMemory(const io::Camera& camera, const FilmOptions& options) {
+  constexpr int kMostRaysPerPixel = 4;  // that training sets
+  const int rays = options.pixel_rays > 0 ? options.pixel_rays : kMostRaysPerPixel;
+  options.memory.Require(
+      std::max(nerf::RenderingBytes(camera, rays), io::EncodingBytes(camera.width, camera.height)),
+      fmt::format("render: a film of {} x {}", camera.width, camera.height));
+}
+
+// Outside of the crop box nothing is shown that a view could have seen.
+void DropTransparent(const nerf::RenderedView& view, nerf::ViewSupport* support) {
+  constexpr float kShown = 0.5f;  // opacity
+  for (int y = 0; y < support->height; ++y) {
+    for (int x = 0; x < support->width; ++x) {
+      const int u = (2 * x + 1) * view.width / (2 * support->width),
+                v = (2 * y + 1) * view.height / (2 * support->height);
+      const auto at = static_cast<std::size_t>(y * support->width + x);
+      if (view.opacity[static_cast<std::size_t>(v * view.width + u)] >= kShown) continue;
+      support->views[at] = 0;
+      support->angle[at] = 0;
+    }
+  }
+}
+
 // Renders and writes the frames of one film.
 class FilmMaker {
  public:
@@ -206,6 +230,7 @@ bool FilmMaker::MakeFrame(int frame, Film* film) const {
   nerf::ViewSupport support;
   if (options_.support || shows_support) {
     support = support_.Of(camera, pose, view, options_.threads);
+    if (render_options_.limits.crop) DropTransparent(view, &support);
   } else if (unknown) {
     support = support_.ObservedIn(camera, pose, view, options_.threads);
   }
@@ -269,6 +294,7 @@ Film RenderFilm(const nerf::TrainedField& field,
   film.camera = given_path
                     ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
                     : FilmCamera(train, options.width, options.photo_side);
+  RequireMemory(film.camera, options);
   const io::VideoEncoder encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
   const FilmMaker maker(field, train, options, given_path ? &*given_path : nullptr, crop, folder);
   maker.FindPath(&film);

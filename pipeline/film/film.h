@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/base/memory.h"
 #include "io/image/image.h"
 #include "io/scene/scene.h"
 #include "io/video/video_writer.h"
@@ -25,6 +26,7 @@ struct FilmOptions {
   bool support = false;    // also support.mp4: number of training views that saw what a pixel shows
   int pixel_rays = 0;      // see nerf::RenderOptions
   int threads = 1;
+  io::MemoryBudget memory = io::MemoryBudget();
   std::filesystem::path path;  // camera_path_file.h; empty: fitted to the capture
   std::filesystem::path crop;  // the same, for its crop box; empty: that of `path`, if any
   int photo_side = 0;  // longer side of the photos before they were made smaller for training; 0: unknown

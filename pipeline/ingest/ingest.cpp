@@ -43,6 +43,7 @@ void Ingest(int argc, const char* const* argv) {
   if (!options.Parse(argc, argv)) return;
   IngestOptions ingest = ResolvedIngestOptions(flags);
   ingest.threads = ResolvedThreads(common);
+  ingest.memory = ResolvedMemory(common);
   const PictureSource source = FindPictures(input);
   if (common.out.empty()) common.out = DefaultRunFolder(input);
 

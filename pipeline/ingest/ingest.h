@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "io/base/memory.h"
 #include "pipeline/ingest/picture_selection.h"
 #include "pipeline/ingest/picture_source.h"
 #include "pipeline/stage/frames.h"
@@ -21,6 +22,7 @@ struct IngestOptions {
   int first_frame = 0;  // of a video
   int last_frame = -1;  // inclusive; -1: to the end
   int threads = 1;
+  io::MemoryBudget memory = io::MemoryBudget();  // fewer photos are decoded at once where it is short
   SelectionOptions selection;
 };
 
@@ -31,7 +33,8 @@ struct IngestReport {
 
 // Write the kept pictures as PNG into folder/images, and the masks of those that have one, under the same
 // name, into folder/masks. hashes: of each photo's content, in order; equal ones are copies. Throw kBadInput
-// when the input or a mask is damaged, kNotReconstructible when too little is left.
+// when the input or a mask is damaged, kNotReconstructible when too little is left,
+// kNoResources when the memory does not suffice for one picture.
 IngestReport IngestPhotos(const PictureSource& source,
                           const std::vector<std::string>& hashes,
                           const IngestOptions& options,

@@ -12,6 +12,7 @@
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
+#include "io/image/image_size.h"
 #include "io/image/photo.h"
 #include "pipeline/ingest/ingest.h"
 #include "pipeline/ingest/photo_masks.h"
@@ -163,6 +164,25 @@ void Select(std::vector<PhotoResult>* results,
   }
 }
 
+// Photos that are decoded at once within the memory. Where a header does not tell a photo's size, at least
+// one.
+int PhotosAtOnce(const std::vector<fs::path>& files, const IngestOptions& options) {
+  std::size_t largest = 0, of_unknown_size = 0;
+  fs::path largest_file;
+  for (const fs::path& file : files) {
+    const std::size_t bytes = io::DecodingBytes(file);
+    if (!io::ReadHeaderSize(file)) {
+      of_unknown_size = std::max(of_unknown_size, bytes);
+    } else if (bytes > largest) {
+      largest = bytes, largest_file = file;
+    }
+  }
+  const std::string work = "ingest: " + PrintableName(largest_file.string());
+  const int known = options.memory.AtOnce(options.threads, largest, 0, work);
+  if (of_unknown_size <= largest) return known;
+  return std::min(known, options.memory.Fits(options.threads, of_unknown_size));
+}
+
 std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
                                    const std::vector<std::string>& hashes,
                                    const IngestOptions& options,
@@ -178,7 +198,7 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
   io::Progress progress("reading photos");
   std::mutex progress_mutex;
   int n_done = 0;
-  io::Workers workers(options.threads);
+  io::Workers workers(PhotosAtOnce(files, options));
   workers.Run(static_cast<int>(files.size()), [&](int i, int) {
     io::ThrowIfInterrupted();
     const auto index = static_cast<std::size_t>(i);

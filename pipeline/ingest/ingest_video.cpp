@@ -23,7 +23,9 @@ constexpr int kMeasureSide = 640;  // [px] what io::Sharpness looks at
 constexpr double kDark = 8;        // [grey levels] a frame whose mean is below has no light
 constexpr double kMinPath = 0.02;  // [picture widths] a shorter path is a tremor of the hand
 constexpr double kCompleteShare =
-    0.98;                              // of the frames that the container promises, which may be an estimate
+    0.98;  // of the frames that the container promises, which may be an estimate
+// Of a frame, for the decoder's reference frames, those of its threads, and conversions.
+constexpr std::size_t kBytesPerPixel = 60;
 constexpr std::size_t kMinFrames = 3;  // two views fix no scene and leave none to check with
 
 struct VideoMeasure {
@@ -122,6 +124,10 @@ void WriteKeptFrames(const fs::path& video,
 IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, const fs::path& folder) {
   std::string name = PrintableName(video.string());
   io::VideoReader reader(video);
+  options.memory.Require(
+      kBytesPerPixel * static_cast<std::size_t>(reader.info().width) *
+          static_cast<std::size_t>(std::max(0, reader.info().height)),
+      fmt::format("ingest: {} of {} x {} pixels", name, reader.info().width, reader.info().height));
   const VideoMeasure measure = Measure(&reader, options);
 
   IngestReport report;

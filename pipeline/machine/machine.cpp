@@ -59,6 +59,13 @@ std::string FirstMatch(const std::string& text, const char* pattern) {
   return std::regex_search(text, match, std::regex(pattern)) ? match[1].str() : "";
 }
 
+Program ProgramBeside(const char* name) {
+  Program program;
+  program.path = fs::read_symlink("/proc/self/exe").parent_path() / name;
+  if (access(program.path.c_str(), X_OK) != 0) program.fault = "is missing";
+  return program;
+}
+
 }  // namespace
 
 Machine DescribeMachine() {
@@ -141,14 +148,20 @@ Program FindFfmpeg() {
 }
 
 Program FindTorch() {
-  Program program;
-  program.path = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "pipeline-torch";
-  if (access(program.path.c_str(), X_OK) != 0) {
-    program.fault = "is missing";
-    return program;
-  }
+  Program program = ProgramBeside("pipeline-torch");
+  if (!program.fault.empty()) return program;
   program.version = FirstMatch(OutputOf({program.path.string(), "--version"}), R"((LibTorch [^\n]*))");
   if (program.version.empty()) program.fault = "does not start";
+  return program;
+}
+
+Program FindExporter() {
+  Program program = ProgramBeside("pipeline-export");
+  if (!program.fault.empty()) return program;
+  if (OutputOf({program.path.string(), "--help"}).find("--mesh") != std::string::npos)
+    program.version = "meshes and other exports";
+  else
+    program.fault = "does not start";
   return program;
 }
 

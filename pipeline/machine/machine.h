@@ -34,5 +34,7 @@ Program FindFfmpeg();  // can encode H.264 through libx264
 // `pipeline-torch`, which trains the `nerf` field; version says which LibTorch and how fast its matrix
 // products are.
 Program FindTorch();
+// `pipeline-export`, which alone needs libraries for meshes; version says what it writes.
+Program FindExporter();
 
 }  // namespace pipeline

@@ -4,6 +4,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/hash.h"
 #include "io/base/quoting.h"
+#include "nerf/rendering/trained_field.h"
 #include "pipeline/report/report.h"
 #include "pipeline/report/report_page.h"
 #include "pipeline/report/scene_page.h"
@@ -19,6 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
+
+// Of report.html and scene.html with the pictures, films and tables that they hold.
+constexpr std::size_t kPageBytes = std::size_t{96} << 20;
 
 // Files that the page shows, as far as they exist.
 std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
@@ -63,6 +67,8 @@ void Report(CommonOptions common, const Options& bound) {
   if (!PagesAreIntact(common.out, page_path)) common.force = true;
   StageRun stage("report", common, bound, ReportInputs(common.out));
   if (stage.IsUpToDate()) return;
+  ResolvedMemory(common).Require(nerf::LoadedFieldBytes(common.out / "train/checkpoint.bin") + kPageBytes,
+                                 "report: the page of the field");
   const std::string scene_page = WriteScenePage(common.out);
   if (!scene_page.empty()) stage.Decide(scene_page);
   stage.Set("scene_page_hash", HashOf(ScenePagePath(common.out)));

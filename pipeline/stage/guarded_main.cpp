@@ -28,7 +28,8 @@ namespace {
   try {
     if (std::current_exception()) throw;
   } catch (const std::bad_alloc&) {
-    constexpr std::string_view kWords = "error E6: out of memory. Use smaller pictures or fewer of them\n";
+    constexpr std::string_view kWords =
+        "error E6: out of memory. Use smaller pictures or fewer of them, or a larger --memory\n";
     [[maybe_unused]] const ssize_t n = write(STDERR_FILENO, kWords.data(), kWords.size());
     _exit(static_cast<int>(ExitCode::kNoResources));
   } catch (...) {
@@ -66,7 +67,8 @@ int GuardedMain(const std::string& program, const std::function<void()>& body) {
   } catch (const Error& error) {
     return report(error.code(), error.what());
   } catch (const std::bad_alloc&) {
-    return report(ExitCode::kNoResources, "out of memory. Use smaller pictures or fewer of them");
+    return report(ExitCode::kNoResources,
+                  "out of memory. Use smaller pictures or fewer of them, or a larger --memory");
   } catch (const std::filesystem::filesystem_error& error) {
     return report(ExitCode::kNoResources, error.what());
   } catch (const std::system_error& error) {  // of threads

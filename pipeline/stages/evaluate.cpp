@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 
 #include "io/base/quoting.h"
@@ -20,6 +21,8 @@
 namespace pipeline {
 namespace {
 
+constexpr int kMostRaysPerPixel = 4;  // that training sets
+
 void Evaluate(const CommonOptions& common, const EvaluationOptions& options, const Options& bound) {
   const std::filesystem::path scene_folder = common.out / "scene",
                               checkpoint = common.out / "train/checkpoint.bin";
@@ -35,6 +38,10 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
     test.frames = std::move(kept);
     stage.Decide(fmt::format("scored {} of {} held-out views", test.frames.size(), n_all));
   }
+  std::size_t rendering = 0;
+  for (const io::Camera& camera : test.cameras)
+    rendering = std::max(rendering, nerf::RenderingBytes(camera, kMostRaysPerPixel));
+  options.memory.Require(nerf::LoadedFieldBytes(checkpoint) + rendering, "evaluate: rendering a view");
   const std::unique_ptr<nerf::TrainedField> field = nerf::TrainedField::Load(checkpoint);
   RenderViews(*field, test, stage.folder(), options.threads);
   Scores scores = ScoreViews(test, stage.folder(), options);
@@ -101,6 +108,7 @@ int RunEvaluate(int argc, const char* const* argv) {
     AddEvaluateOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
     options.threads = ResolvedThreads(common);
+    options.memory = ResolvedMemory(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("evaluate", argc, argv);
     Evaluate(common, options, bound);
   });

@@ -38,6 +38,8 @@ namespace fs = std::filesystem;
 
 // All NeRF-synthetic objects lie within 1.5 of the origin, on all three axes.
 constexpr double kBlenderHalfSide = 1.5;
+// Of a picture while it is undistorted: read, premultiplied in float, resampled, with the map of its pixels.
+constexpr std::size_t kBytesPerPixel = 48;
 constexpr std::size_t kMaxNamed = 5;  // missing pictures named on the terminal; scene.json lists them all
 
 // Frames in natural order of their names, with a split each.
@@ -265,7 +267,13 @@ void Normalize(const CommonOptions& common, const NormalizeFlags& options, const
                                             : ReadPoses(options.poses, options.images);
   StageRun stage("normalize", common, flags, source.files);
   if (stage.IsUpToDate()) return;
-  const int threads = ResolvedThreads(common);
+  std::size_t largest = 0;
+  for (const io::Camera& camera : source.scene.cameras)
+    largest = std::max(
+        largest,
+        kBytesPerPixel * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+  const int threads =
+      ResolvedMemory(common).AtOnce(ResolvedThreads(common), largest, 0, "normalize: resizing a picture");
   DecideAboutInput(source, &stage);
   DropPlaceholders(&source.scene, &stage);
   const std::optional<sfm::NormalizeReport> report = PlaceScene(&source, &stage);

@@ -37,6 +37,7 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   if (stage.IsUpToDate()) return;
   options.photo_side = PhotoSide(common.out / "sfm/transforms.json");
   const io::Scene train = io::ReadTransforms(transforms).scene;
+  options.memory.Require(nerf::LoadedFieldBytes(checkpoint), "render: the field");
   const Film film = RenderFilm(*nerf::TrainedField::Load(checkpoint), train, options, stage.folder());
 
   for (const std::string& decision : film.decisions) stage.Decide(decision);
@@ -71,6 +72,7 @@ int RunRender(int argc, const char* const* argv) {
     FilmOptions options = flags.film;
     options.ceiling_s = ParseDuration("max-time", flags.max_time);
     options.threads = ResolvedThreads(common);
+    options.memory = ResolvedMemory(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);
     Render(common, options, bound);
   });

@@ -163,6 +163,7 @@ int RunSfm(int argc, const char* const* argv) {
     AddSfmOptions(&options, &settings);
     if (!options.Parse(argc, argv)) return;
     settings.threads = ResolvedThreads(common);
+    settings.memory = ResolvedMemory(common);
 
     if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline sfm: --out DIR is missing");
     const fs::path ingest = fs::absolute(common.out).lexically_normal() / "ingest";

@@ -56,6 +56,7 @@ void TrainStage(int argc, const char* const* argv) {
   ApplyPreset(argc, argv, &options, &flags);
   nerf::TrainOptions train = ResolvedTrainOptions(options, flags);
   train.threads = ResolvedThreads(common);
+  train.memory = ResolvedMemory(common);
   if (train.field.kind == nerf::FieldKind::kMlp) ContinueWithTorch("train", argc, argv);
 
   const std::filesystem::path scene_folder = common.out / "scene";

@@ -14,6 +14,7 @@
 #include "io/base/error.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
+#include "io/image/image_size.h"
 #include "io/image/mask.h"
 
 namespace sfm {
@@ -98,7 +99,33 @@ Features Detect(const fs::path& path, const fs::path& masks_folder, const Featur
   return features;
 }
 
+// Threads that detect at once within the memory, beside the features and half as much again for matching.
+int DetectionThreads(const fs::path& images_folder,
+                     const std::vector<std::string>& names,
+                     const FeatureOptions& options) {
+  if (names.empty()) return 1;
+  std::size_t largest = 0;
+  for (const std::string& name : names) {
+    const io::ImageSize size = io::ReadImageSize(images_folder / name);
+    largest = std::max(largest, DetectionBytes(size.width, size.height, options));
+  }
+  const std::size_t kept =
+      names.size() * static_cast<std::size_t>(options.max_features) * (kDescriptorBytes + sizeof(Keypoint));
+  return options.memory.AtOnce(options.threads,
+                               largest,
+                               kept + kept / 2,
+                               fmt::format("sfm: detecting features in {} pictures", names.size()));
+}
+
 }  // namespace
+
+std::size_t DetectionBytes(int width, int height, const FeatureOptions& options) {
+  constexpr double kBytesPerPixel = 235;
+  const double pixels = 1.0 * width * height, longer = std::max(width, height);
+  const double scale = options.max_image_size > 0 ? std::min(1.0, options.max_image_size / longer) : 1.0;
+  // As it was read, in colour before it is grey.
+  return static_cast<std::size_t>(pixels * (scale < 1 ? 4 : 3) + pixels * scale * scale * kBytesPerPixel);
+}
 
 std::vector<Features> DetectFeatures(const fs::path& images_folder,
                                      const std::vector<std::string>& names,
@@ -109,7 +136,7 @@ std::vector<Features> DetectFeatures(const fs::path& images_folder,
   io::Progress progress("sfm: features");
   std::size_t done = 0;
   std::mutex mutex;
-  io::ParallelFor(names.size(), options.threads, [&](std::size_t i) {
+  io::ParallelFor(names.size(), DetectionThreads(images_folder, names, options), [&](std::size_t i) {
     features[i] = Detect(images_folder / names[i], masks_folder, options);
     const std::lock_guard lock(mutex);
     ++done;

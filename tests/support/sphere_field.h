@@ -31,8 +31,10 @@ class SphereField : public nerf::TrainedField {
         const Eigen::Vector3d& origin = world_from_cam.translation;
         const double b = origin.dot(ray), discriminant = b * b - origin.squaredNorm() + 1;
         const double end = std::min<double>(6, options.limits.end);
-        const bool hit = discriminant > 0 && -b - std::sqrt(discriminant) < end;
-        const double t = hit ? -b - std::sqrt(discriminant) : end;
+        const bool reaches = discriminant > 0 && -b - std::sqrt(discriminant) < end;
+        const double t = reaches ? -b - std::sqrt(discriminant) : end;
+        const auto& crop = options.limits.crop;
+        const bool hit = reaches && (!crop || nerf::Contains(*crop, origin + t * ray));
         const Eigen::Vector3d p = origin + t * ray;
         const bool dark =
             hit && (std::lround(5 * std::atan2(p.y(), p.x())) + std::lround(4 * p.z())) % 2 != 0;

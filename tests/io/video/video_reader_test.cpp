@@ -9,7 +9,9 @@
 #include <opencv2/videoio.hpp>
 
 #include "io/base/error.h"
+#include "io/base/process.h"
 #include "io/video/camera_motion.h"
+#include "tests/support/require_program.h"
 
 namespace {
 
@@ -152,6 +154,55 @@ TEST_F(VideoReader, HalfCopiedFilesAreNamedOrEndEarly) {
   while (reader.Skip()) ++n;
   EXPECT_GT(n, 0);
   EXPECT_LT(n, kFrames);
+}
+
+// Needs the program, for OpenCV writes none of these.
+fs::path MakeWithFfmpeg(const fs::path& path, std::vector<std::string> arguments) {
+  arguments.insert(
+      arguments.begin(),
+      {io::FindProgram("ffmpeg").value().string(), "-nostdin", "-loglevel", "error", "-f", "lavfi"});
+  arguments.push_back(path.string());
+  EXPECT_TRUE(io::RunProcess(arguments, {.timeout_s = 60}).Ok());
+  return path;
+}
+
+TEST_F(VideoReader, SoundAloneIsNoVideo) {
+  REQUIRE_PROGRAM("ffmpeg");
+  EXPECT_NE(RefusalOf(MakeWithFfmpeg(folder_ / "sound.mp4", {"-i", "sine=duration=0.2", "-c:a", "aac"})), "");
+}
+
+TEST_F(VideoReader, TimesOfAVariableFrameRateAreThoseOfTheFile) {
+  REQUIRE_PROGRAM("ffmpeg");
+  // Ten frames, the second half of which follow three times as slowly.
+  io::VideoReader reader(MakeWithFfmpeg(folder_ / "variable.mp4",
+                                        {"-i",
+                                         "testsrc=rate=25:size=160x120",
+                                         "-frames:v",
+                                         "10",
+                                         "-vf",
+                                         "setpts='(N+2*max(0,N-5))/25/TB'",
+                                         "-vsync",
+                                         "vfr",
+                                         "-c:v",
+                                         "mpeg4"}));
+  io::VideoFrame frame;
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_TRUE(reader.Read(10000, &frame));
+    EXPECT_NEAR(frame.time_s, (i + 2 * std::max(0, i - 5)) / 25.0, 0.011);
+  }
+}
+
+TEST_F(VideoReader, TenBitsAreReducedAndSaid) {
+  REQUIRE_PROGRAM("ffmpeg");
+  io::VideoReader reader(MakeWithFfmpeg(
+      folder_ / "deep.mkv",
+      {"-i", "color=c=0x804020:size=160x120", "-frames:v", "2", "-c:v", "ffv1", "-pix_fmt", "yuv444p10le"}));
+  ASSERT_EQ(reader.info().notes.size(), 1u);
+  EXPECT_NE(reader.info().notes[0].find("10 bits per channel"), std::string::npos);
+  io::VideoFrame frame;
+  ASSERT_TRUE(reader.Read(10000, &frame));
+  EXPECT_NEAR(frame.image.Pixel(80, 60)[0], 0x80, 4);
+  EXPECT_NEAR(frame.image.Pixel(80, 60)[2], 0x20, 4);
 }
 
 TEST_F(VideoReader, CameraMotionMeasuresThePathInWidths) {

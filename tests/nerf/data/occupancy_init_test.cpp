@@ -21,6 +21,29 @@
 namespace nerf {
 namespace {
 
+// Counts of opaque pixels wrap at 2^16: squares of 256 pixels, which the radius passes here, must not look
+// empty.
+TEST(CarveByMasks, LargeOpaqueSquaresAreNotEmpty) {
+  const TempDir dir;
+  io::Image opaque = io::MakeImage(512, 512, 4);
+  std::fill(opaque.data.begin(), opaque.data.end(), 255);
+  opaque.data[3] = 0;  // else alpha would be dropped
+  io::WriteImage(dir / "a.png", opaque);
+  io::Scene scene = tests::SceneOf({dir / "a.png"}, 512, 512);
+  const SceneContraction contraction{.centre = {0, 0, 0}, .half = 1};
+  // Before the centre of one of the first blocks, which have a quarter of the cube's side.
+  scene.frames[0].world_from_cam.translation = {0.25, 0.25, 4.25};
+  const Dataset dataset = LoadDataset(scene, 1);
+  io::Workers workers(1);
+  for (double focal = 980; focal < 1080; focal += 2) {
+    scene.cameras[0].fl_x = scene.cameras[0].fl_y = focal;
+    OccupancyGrid grid(64, contraction);
+    CarveByMasks(scene, dataset, contraction, &workers, &grid);
+    const float inside[3] = {0.6f, 0.6f, 0.6f};
+    EXPECT_FALSE(grid.IsNeverOccupied(grid.CellAt(inside))) << focal;
+  }
+}
+
 // Every point of the ball lies in a candidate cell; a cell whose eight corners one view sees well beside the
 // ball is empty; the box holds the candidates and no more.
 TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {

@@ -289,6 +289,10 @@ TEST_F(FakeStages, DoctorNamesWhatIsHereAndWhatIsMissing) {
   EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
   for (const char* part : {"CPU ", "SIMD ", "memory ", "disk ", "GFLOP/s", "COLMAP ", "ffmpeg "})
     EXPECT_EQ(OutputLines(part), 1) << part;
+  EXPECT_EQ(OutputLines("pipeline-export is missing: apt install libmeshoptimizer-dev"), 1) << Output();
+  fs::create_symlink(BINARY_DIR "/bin/pipeline-export", dir_ / "bin/pipeline-export");
+  EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
+  EXPECT_EQ(OutputLines("export   meshes and other exports ("), 1) << Output();
   // Without a place to print to, files must not take that place.
   const std::string closed = (dir_ / "bin/pipeline").string() + " doctor >&- 2>&-";
   EXPECT_EQ(io::RunProcess({"/bin/sh", "-c", closed}, {.timeout_s = 20}).exit_code, 0);

@@ -163,6 +163,32 @@ TEST_F(FilmTest, SupportIsBlackWhereNoViewSawTheSurface) {
   EXPECT_GT(brightness(angle, views.width / 2, views.height / 2), 100);
 }
 
+// Half of the sphere is cut away, and with it what views saw there.
+TEST_F(FilmTest, SupportEndsAtTheCropBox) {
+  const auto n_coloured = [&] {
+    options_.support = true;
+    pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+    const io::Image image = io::ReadImage(folder_ / "support_frames" / "000002.png");
+    fs::remove_all(folder_ / "frames");
+    fs::remove_all(folder_ / "support_frames");
+    long n = 0;
+    for (std::size_t i = 0; i < image.data.size(); i += 3)
+      n += image.data[i] + image.data[i + 1] + image.data[i + 2] > 0;
+    return static_cast<double>(n);
+  };
+  const double whole = n_coloured();
+  pipeline::CameraPathFile file{.width = 64, .height = 48, .fps = 20};
+  file.frames.push_back({scene_.frames[0].world_from_cam, 0.5});
+  file.crop.emplace();
+  file.crop->box.world_from_box.translation = {0, 0, 2};
+  file.crop->box.size = {4, 4, 4};
+  options_.crop = folder_ / "box.json";
+  pipeline::WriteCameraPath(options_.crop, file);
+  const double upper = n_coloured();
+  EXPECT_GT(upper, 0.2 * whole);
+  EXPECT_LT(upper, 0.8 * whole);
+}
+
 TEST_F(FilmTest, ContinuesAtTheFirstMissingFrame) {
   pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
   const std::string before = io::ReadFile(folder_ / "frames" / "000004.png");

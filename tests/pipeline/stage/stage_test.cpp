@@ -340,6 +340,21 @@ TEST(GuardedMain, TurnsExceptionsIntoOneLineAndTheExitCode) {
   EXPECT_EQ(run([] { throw std::logic_error("odd"); }, "odd"), 70);
 }
 
+TEST(Memory, IsReadInGigabytesAndMegabytes) {
+  EXPECT_EQ(pipeline::ParseBytes("memory", "2G"), std::size_t{2} << 30);
+  EXPECT_EQ(pipeline::ParseBytes("memory", "1.5GB"), std::size_t{3} << 29);
+  EXPECT_EQ(pipeline::ParseBytes("memory", "800MiB"), std::size_t{800} << 20);
+  for (const char* wrong : {"", "G", "2", "2K", "2 G", "-2G", "1M", "nanG", "1e30G", "2Gx"})
+    EXPECT_ERROR(pipeline::ParseBytes("memory", wrong), ExitCode::kUsage, "--memory: '");
+}
+
+TEST(Memory, IsWhatTheMachineHasFreeUnlessItIsGiven) {
+  const std::size_t free = pipeline::ResolvedMemory({}).bytes();
+  EXPECT_GT(free, io::HeldMemoryBytes());
+  EXPECT_LT(free, std::size_t{1} << 50);
+  EXPECT_EQ(io::MemoryLeftBytes(), SIZE_MAX);  // planned with, and not enforced
+}
+
 TEST(Threads, AreLimitedToWhatTheMachineCanUse) {
   const int cores = io::AvailableCores();
   EXPECT_GE(cores, 1);

@@ -255,4 +255,10 @@ TEST(Features, LargestFirst) {
   EXPECT_EQ(largest.descriptors[sfm::kDescriptorBytes], 1);
 }
 
+TEST(DetectionBytes, ArePaidPerPixelOfTheDetectionSize) {
+  EXPECT_NEAR(sfm::DetectionBytes(1600, 1200, {.max_image_size = 1600}) / 1.92e6, 238, 1);
+  EXPECT_NEAR(sfm::DetectionBytes(4000, 3000, {.max_image_size = 0}) / 12e6, 238, 1);
+  EXPECT_NEAR(sfm::DetectionBytes(3200, 2400, {.max_image_size = 1600}) / 1.92e6, 235 + 16, 1);
+}
+
 }  // namespace

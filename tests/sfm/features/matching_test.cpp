@@ -54,6 +54,33 @@ TEST(Matching, MutualDistinctAndNear) {
   EXPECT_EQ(pairs[0].matches, (std::vector<Match>{{0, 0}, {4, 5}}));
 }
 
+// More pictures than are prepared together: pairs within and between blocks, in the order of the pairs.
+TEST(Matching, BlocksOfPicturesAgreeWithPairsOnTheirOwn) {
+  std::vector<sfm::Features> features(150);
+  for (int i = 0; i < 150; ++i) {
+    for (int k = 0; k < 3; ++k) Append(&features[static_cast<std::size_t>(i)], (i + k) % 7, 3.0 * (i % 4));
+  }
+  sfm::ImagePairs pairs;
+  for (int i = 0; i < 150; i += 3) {
+    for (const int gap : {1, 40, 64, 128}) {
+      if (i + gap < 150) pairs.insert({i, i + gap});
+    }
+  }
+  const auto matched = sfm::MatchFeatures(features, pairs, 2);
+  ASSERT_EQ(matched.size(), pairs.size());
+  std::size_t at = 0, n_matches = 0;
+  for (const auto& [a, b] : pairs) {
+    const sfm::PairMatches& pair = matched[at++];
+    EXPECT_EQ(pair.a, a);
+    EXPECT_EQ(pair.b, b);
+    const auto alone = sfm::MatchFeatures(
+        {features[static_cast<std::size_t>(a)], features[static_cast<std::size_t>(b)]}, {{0, 1}}, 1);
+    EXPECT_EQ(pair.matches, alone[0].matches) << a << ' ' << b;
+    n_matches += pair.matches.size();
+  }
+  EXPECT_GT(n_matches, pairs.size() / 2);
+}
+
 TEST(Matching, TheSecondMustBeAQuarterFarther) {
   EXPECT_EQ(MatchesAt({{10, 13.4}, {10, 11.8}}), (std::vector<Match>{{0, 0}}));  // ratios 0.75 and 0.85
 }
