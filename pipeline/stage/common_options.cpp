@@ -1,8 +1,10 @@
 #include "pipeline/stage/common_options.h"
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "io/base/parallel.h"
+#include "io/base/ranks.h"
 
 namespace pipeline {
 namespace {
@@ -19,7 +21,11 @@ void AddCommonOptions(Options* options, CommonOptions* common) {
 }
 
 int ResolvedThreads(const CommonOptions& common) {
-  const int cores = io::AvailableCores();
+  int cores = io::AvailableCores();
+  // torchrun says how many ranks share this machine; srun gives each its own cores.
+  const char* ranks_here = std::getenv("LOCAL_WORLD_SIZE");
+  if (io::AllRanks().AreSeveral() && ranks_here)
+    cores = std::max(1, cores / std::max(1, std::atoi(ranks_here)));
   return common.threads == 0 ? cores : std::min(common.threads, kMaxThreadsPerCore * cores);
 }
 

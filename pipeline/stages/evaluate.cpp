@@ -10,6 +10,7 @@
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/error_budget.h"
 #include "pipeline/stages/evaluation.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
@@ -46,6 +47,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   // Where views are not shown at all, there is nothing that a pose could be fitted to.
   if (options.error_budget && verdict.outcome != Outcome::kFailed)
     MeasureErrors(*field, train, test, options.threads, &scores);
+  if (!stage.Leads()) return;
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
@@ -100,6 +102,7 @@ int RunEvaluate(int argc, const char* const* argv) {
     AddCommonOptions(&bound, &common);
     AddEvaluateOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
+    const RankSession session("evaluate", common.out, argc, argv);
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("evaluate", argc, argv);
     Evaluate(common, options, bound);

@@ -7,6 +7,7 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/film.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
@@ -38,6 +39,7 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   options.photo_side = PhotoSide(common.out / "sfm/transforms.json");
   const io::Scene train = io::ReadTransforms(transforms).scene;
   const Film film = RenderFilm(*nerf::TrainedField::Load(checkpoint), train, options, stage.folder());
+  if (!stage.Leads()) return;
 
   for (const std::string& decision : film.decisions) stage.Decide(decision);
   for (const io::VideoReport& video : film.videos) stage.AddChildUse(video.cpu_s, video.peak_rss_bytes);
@@ -70,6 +72,7 @@ int RunRender(int argc, const char* const* argv) {
     if (!bound.Parse(argc, argv)) return;
     FilmOptions options = flags.film;
     options.ceiling_s = ParseDuration("max-time", flags.max_time);
+    const RankSession session("render", common.out, argc, argv);
     options.threads = ResolvedThreads(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);
     Render(common, options, bound);
