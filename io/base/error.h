@@ -19,6 +19,7 @@ enum class ExitCode {
   kBadState = 8,            // a checkpoint or model of ours is damaged or does not belong here
   kNumeric = 9,             // non-finite loss that roll-back could not cure
   kNotReconstructed = 10,   // film and report are there, but held-out views do not show the scene
+  kLostRank = 11,           // another process of a run on several ranks ended or was cut off
   kInternal = 70,           // a bug of ours
 };
 

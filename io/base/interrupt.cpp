@@ -3,13 +3,14 @@
 #include <signal.h>
 
 #include <atomic>
-
-#include "io/base/error.h"
+#include <mutex>
 
 namespace io {
 namespace {
 
 std::atomic<int> pending_signal = 0;  // lock-free, hence safe in a handler
+std::mutex reason_mutex;
+std::optional<Error> stop_reason;
 
 void OnSignal(int number) {
   if (pending_signal.exchange(number) != 0) {
@@ -35,6 +36,20 @@ int PendingInterrupt() { return pending_signal.load(); }
 
 void ThrowIfInterrupted() {
   if (const int number = PendingInterrupt()) throw Interrupted(number);
+}
+
+void StopBecause(const Error& reason) {
+  {
+    const std::lock_guard lock(reason_mutex);
+    if (!stop_reason) stop_reason = reason;
+  }
+  int none = 0;
+  pending_signal.compare_exchange_strong(none, SIGTERM);
+}
+
+std::optional<Error> StopReason() {
+  const std::lock_guard lock(reason_mutex);
+  return stop_reason;
 }
 
 }  // namespace io

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "io/base/ranks.h"
+
 namespace io {
 namespace {
 
@@ -25,6 +27,7 @@ Progress::~Progress() {
 }
 
 void Progress::Update(double fraction, const std::string& note) {
+  if (!AllRanks().IsFirst()) return;
   const auto now = std::chrono::steady_clock::now();
   const bool finished = fraction >= 1.0;
   if (shown_ && !finished && now - last_shown_ < (is_terminal_ ? kTerminalInterval : kPlainInterval)) return;

@@ -1,5 +1,5 @@
 // Progress of long work on stderr: a live line with ETA on a terminal, a plain line every few seconds
-// otherwise.
+// otherwise. Of several ranks (ranks.h) the first shows its own.
 #pragma once
 
 #include <chrono>

@@ -151,6 +151,15 @@ bool ReadPictures(const io::Scene& scene,
               frame.image_path.string() + ": has no alpha channel while other pictures do");
 }
 
+std::size_t CountPixels(const io::Scene& scene) {
+  std::size_t n_pixels = 0;
+  for (const io::Frame& frame : scene.frames) {
+    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    n_pixels += static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  }
+  return n_pixels;
+}
+
 int StoredChannels(const io::Scene& scene) {
   if (scene.frames.empty()) throw Error(ExitCode::kBadInput, "the scene has no pictures");
   return ReadPicture(scene, scene.frames[0]).channels;

@@ -64,6 +64,8 @@ struct Dataset {
 // or when all have more than 2^32 pixels.
 Dataset LoadDataset(const io::Scene& scene, int threads, double pixel_offset = 0.5);
 
+// Of all pictures together, as their cameras have it.
+std::size_t CountPixels(const io::Scene& scene);
 // Channels of the first picture, as stored: 3 or 4.
 int StoredChannels(const io::Scene& scene);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "io/base/hash.h"
 #include "io/base/random.h"
 #include "nerf/fields/spherical_harmonics.h"
 
@@ -59,6 +60,11 @@ HashNetwork<Real>::HashNetwork(std::uint64_t seed)
   init(kW4, kHid * kHid, kHid, kHid);
   init(kW5, 3 * kHid, kHid, 3);
   Refresh();
+}
+
+template <typename Real>
+std::string HashNetwork<Real>::Hash() const {
+  return io::HashBytes({reinterpret_cast<const char*>(weights_.data()), weights_.size() * sizeof(float)});
 }
 
 template <typename Real>

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "nerf/fields/radiance_field.h"
@@ -73,6 +74,7 @@ class HashNetwork {
   void Refresh();
   std::vector<Tensor> State();
   std::size_t n_weights() const { return weights_.size(); }
+  std::string Hash() const;  // of the weights
 
  private:
   const kernels::Kernels& kernels_;

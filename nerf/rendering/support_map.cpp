@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "io/base/parallel.h"
+#include "io/base/ranks.h"
 
 namespace nerf {
 namespace {
@@ -84,12 +86,22 @@ SupportMap::SupportMap(const TrainedField& field, const io::Scene& train, int th
                    .cam_from_world = frame.world_from_cam.Inverse(),
                    .mask = {},
                    .depth = {}};
-    view.depth = field.Render(view.camera, frame.world_from_cam, options).depth;
     if (!frame.mask_path.empty()) {
       view.mask = io::ShrinkMask(
           io::ReadMask(frame.mask_path, full.width, full.height), view.camera.width, view.camera.height);
     }
     views_.push_back(std::move(view));
+  }
+  std::vector<std::string> depths(views_.size());
+  for (const std::size_t v : io::OwnTasks(views_.size())) {
+    views_[v].depth = field.Render(views_[v].camera, views_[v].world_from_cam, options).depth;
+    depths[v].assign(reinterpret_cast<const char*>(views_[v].depth.data()),
+                     views_[v].depth.size() * sizeof(float));
+  }
+  io::GatherTasks(&depths);
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    views_[v].depth.resize(depths[v].size() / sizeof(float));
+    depths[v].copy(reinterpret_cast<char*>(views_[v].depth.data()), depths[v].size());
   }
 }
 

@@ -2,9 +2,32 @@
 
 #include <algorithm>
 
+#include "io/base/check.h"
 #include "io/base/random.h"
+#include "io/base/ranks.h"
 
 namespace nerf {
+namespace {
+
+// Fills what other ranks computed of `values`: the tasks of each are consecutive, `length` values long but
+// for the last one.
+void ExchangeRanges(int n_tasks, std::size_t length, std::vector<float>* values) {
+  io::Ranks& ranks = io::AllRanks();
+  const auto begin_of = [&](int rank) {
+    const auto task = static_cast<std::size_t>(io::FirstTask(n_tasks, rank, ranks.size()));
+    return values->data() + std::min(values->size(), task * length);
+  };
+  const std::vector<std::string> all =
+      ranks.AllGather({reinterpret_cast<const char*>(begin_of(ranks.rank())),
+                       reinterpret_cast<const char*>(begin_of(ranks.rank() + 1))});
+  for (int r = 0; r < ranks.size(); ++r) {
+    const std::string& bytes = all[static_cast<std::size_t>(r)];
+    PIPELINE_CHECK_EQ(bytes.size(), static_cast<std::size_t>(begin_of(r + 1) - begin_of(r)) * sizeof(float));
+    bytes.copy(reinterpret_cast<char*>(begin_of(r)), bytes.size());
+  }
+}
+
+}  // namespace
 
 int NextRayCount(int n_rays, std::uint64_t n_samples, int wanted, int low, int high) {
   const double n =
@@ -36,8 +59,12 @@ void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
   std::vector<float> sigma(cells.size());
   constexpr std::size_t kTask = 4096;
   const float size = 1.f / static_cast<float>(grid.resolution());
-  workers->Run(static_cast<int>((cells.size() + kTask - 1) / kTask), [&](int task, int) {
-    const std::size_t first = static_cast<std::size_t>(task) * kTask,
+  const io::Ranks& ranks = io::AllRanks();
+  const int n_tasks = static_cast<int>((cells.size() + kTask - 1) / kTask),
+            first_task = io::FirstTask(n_tasks, ranks.rank(), ranks.size()),
+            last_task = io::FirstTask(n_tasks, ranks.rank() + 1, ranks.size());
+  workers->Run(last_task - first_task, [&](int task, int) {
+    const std::size_t first = static_cast<std::size_t>(first_task + task) * kTask,
                       last = std::min(cells.size(), first + kTask);
     Samples points;
     for (std::size_t i = first; i < last; ++i) {
@@ -49,6 +76,7 @@ void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
     }
     scene_field->field->QueryDensity(points, &sigma[first]);
   });
+  if (ranks.AreSeveral()) ExchangeRanges(n_tasks, kTask, &sigma);
   for (std::size_t i = 0; i < cells.size(); ++i) grid.Probe(cells[i], sigma[i]);
 }
 

@@ -4,9 +4,11 @@
 #include <cmath>
 #include <variant>
 
+#include "io/base/ranks.h"
 #include "nerf/fields/hash_field.h"
 #include "nerf/training/field_training.h"
 #include "nerf/training/hash_shard.h"
+#include "nerf/training/shard_exchange.h"
 #include "nerf/training/trainer.h"
 
 namespace nerf {
@@ -123,12 +125,16 @@ template <typename Real>
 void HashTraining<Real>::RunShards(const BatchPlan& plan) {
   const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);
   const HashShardContext<Real> context{dataset_, grid_, network_, sampler, plan, terms_.refinement};
-  workers_->Run(kShards, [&](int shard, int thread) {
+  const io::Ranks& ranks = io::AllRanks();
+  const int first = io::FirstTask(kShards, ranks.rank(), ranks.size()),
+            last = io::FirstTask(kShards, ranks.rank() + 1, ranks.size());
+  workers_->Run(last - first, [&](int i, int thread) {
     RunHashShard(context,
-                 shard,
+                 first + i,
                  &scratch_[static_cast<std::size_t>(thread)],
-                 &shards_[static_cast<std::size_t>(shard)]);
+                 &shards_[static_cast<std::size_t>(first + i)]);
   });
+  if (ranks.AreSeveral()) ExchangeShards(network_, plan.step, grid_.levels().size(), &shards_);
 }
 
 template <typename Real>

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "io/base/error.h"
+#include "io/base/ranks.h"
 
 namespace nerf {
 namespace {
@@ -66,6 +67,7 @@ TrainReport TrainToTarget(const io::Scene& scene,
       return report;
     }
     attempt.time_s = std::min(NextBudget(attempts, options.target_psnr), options.time_s);
+    if (!io::AllRanks().IsFirst()) continue;
     std::filesystem::remove(folder / "checkpoint.bin");
     std::filesystem::remove(folder / "curve.csv");
   }

@@ -8,8 +8,8 @@
 
 #include "io/base/check.h"
 #include "io/base/interrupt.h"
-#include "io/base/median.h"
 #include "io/base/progress.h"
+#include "io/base/ranks.h"
 #include "nerf/data/hull_pixels.h"
 #include "nerf/data/near_cameras.h"
 #include "nerf/data/plain_background.h"
@@ -77,7 +77,7 @@ class Trainer {
     options_.memory.Require(picture_bytes + TrainedFieldBytes(options_, has_alpha),
                             fmt::format("training on {} pictures", scene_.frames.size()));
   }
-  bool HasReachedTarget() const;
+  double NextProgress();
   void Step(double progress);
   void Skip(const std::string& fault);
   bool HasCollapsed() const;
@@ -89,13 +89,13 @@ class Trainer {
   void ShowProgress(double now);
   void AskWatcher(double now);
   void FillReport();
-  void DescribeCameras();
 
   TrainingClock clock_;  // from here on, the reading of the pictures included
   const io::Scene &scene_, &heldout_;
   TrainOptions options_;
   const std::filesystem::path folder_;
   const TrainingKind& kind_;
+  const io::Ranks& ranks_ = io::AllRanks();
   io::Workers workers_;
   Dataset dataset_;
   std::optional<HeldoutMonitor> monitor_;
@@ -119,13 +119,8 @@ class Trainer {
 };
 
 Dataset Trainer::LoadPictures() const {
-  std::size_t n_pixels = 0;
-  for (const io::Frame& frame : scene_.frames) {
-    const io::Camera& camera = scene_.cameras[static_cast<std::size_t>(frame.camera_index)];
-    n_pixels += static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
-  }
   const int channels = StoredChannels(scene_);
-  RequireMemory(PictureBytes(n_pixels, channels), channels == 4);
+  RequireMemory(PictureBytes(CountPixels(scene_), channels), channels == 4);
   return LoadDataset(scene_, options_.threads, options_.field.PixelOffset());
 }
 
@@ -163,7 +158,7 @@ void Trainer::Begin() {
     RequireMemory(PictureBytes(dataset_.n_pixels(), 4) - dataset_.pixels.size(), true);
   if (dataset_.channels == 3) dataset_.depths = SparseDepths(scene_, dataset_);
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
-  if (std::filesystem::exists(checkpoint)) {
+  if (io::FromFirst(std::filesystem::exists(checkpoint))) {
     scene_field_ = ReadCheckpoint(checkpoint, &state_);
     if (options_.target_psnr > 0) options_.time_s = state_.budget_s;
     report_.events.push_back(fmt::format("resumed at step {}", state_.step));
@@ -177,15 +172,18 @@ void Trainer::Begin() {
   const bool white = kind_.kind == FieldKind::kMlp && options_.mlp.white_background;
   constant_squared_error_ = ConstantSquaredError(dataset_, white ? 1.0 : 0.5);
   clock_.Resume(state_.elapsed_s);
-  clock_.Exclude([&] { monitor_.emplace(heldout_, options_.threads, options_.field.PixelOffset()); });
+  if (ranks_.IsFirst())
+    clock_.Exclude([&] { monitor_.emplace(heldout_, options_.threads, options_.field.PixelOffset()); });
   next_monitor_s_ = std::max(kFirstMonitorS, state_.elapsed_s * kMonitorGrowth);
   bar_.emplace("train");
   shown_s_ = clock_.Elapsed();
   next_save_s_ = shown_s_ + options_.checkpoint_every_s;
 }
 
-bool Trainer::HasReachedTarget() const {
-  return options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
+// Of the step to come, as rank 0 sees it; 1 ends the training.
+double Trainer::NextProgress() {
+  const bool is_reached = options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
+  return io::FromFirst(is_reached ? 1.0 : Progress(clock_.Elapsed()));
 }
 
 void Trainer::Step(double progress) {
@@ -292,6 +290,8 @@ void Trainer::ShowProgress(double now) {
 }
 
 void Trainer::FillReport() {
+  report_.heldout_psnr = io::FromFirst(report_.heldout_psnr);  // whether a target is reached, and whether
+  report_.ended_early = io::FromFirst(report_.ended_early);    // training ends, concerns all ranks
   const double this_run_s = std::max(report_.train_s - clock_.resumed_s(), 1e-9);
   report_.budget_s = options_.time_s;
   report_.steps = state_.step;
@@ -306,50 +306,31 @@ void Trainer::FillReport() {
   report_.skipped_steps = state_.skipped_steps;
   report_.restarts = state_.restarts;
   report_.arithmetic = training_->Arithmetic();
-  if (refinement_) DescribeCameras();
-}
-
-void Trainer::DescribeCameras() {
-  const std::vector<double> motions = refinement_->Motions();
-  const std::vector<io::Rigid3d> poses = refinement_->WorldFromCam();
-  std::vector<double> moved;
-  for (std::size_t v = 0; v < motions.size(); ++v) {
-    if (motions[v] == 0) continue;
-    moved.push_back(motions[v]);
-    report_.moved_cameras.push_back({scene_.frames[v].image_path.filename().string(), motions[v], poses[v]});
-  }
-  if (moved.empty()) {
-    report_.events.push_back("cameras: the pictures pull at none of them");
-    return;
-  }
-  report_.events.push_back(
-      fmt::format("cameras: {} of {} moved where their pictures pulled, by {:.2f} px in the "
-                  "median and at most {:.2f}",
-                  moved.size(),
-                  motions.size(),
-                  io::Median(moved),
-                  *std::max_element(moved.begin(), moved.end())));
+  if (!refinement_) return;
+  report_.moved_cameras = MovedCameras(scene_, *refinement_);
+  report_.events.push_back(Describe(report_.moved_cameras, scene_.frames.size()));
 }
 
 TrainReport Trainer::Run() {
   Begin();
   try {
-    for (double now = clock_.Elapsed(); Progress(now) < 1.0 && !HasReachedTarget(); now = clock_.Elapsed()) {
-      Step(Progress(now));
+    for (double progress = NextProgress(); progress < 1; progress = NextProgress()) {
+      Step(progress);
       if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
       io::ThrowIfInterrupted();
-      now = clock_.Elapsed();
+      if (!ranks_.IsFirst()) continue;
+      const double now = clock_.Elapsed();
       MonitorWhenDue(now);
       SaveWhenDue(now);
       ShowProgress(now);
     }
     report_.train_s = clock_.Elapsed();
-    Monitor(report_.train_s);
+    if (ranks_.IsFirst()) Monitor(report_.train_s);
   } catch (const io::Interrupted&) {  // a step that was cut short has changed nothing
-    Save(clock_.Elapsed());
+    if (ranks_.IsFirst()) Save(clock_.Elapsed());
     throw;
   }
-  Save(report_.train_s);
+  if (ranks_.IsFirst()) Save(report_.train_s);
   FillReport();
   return report_;
 }

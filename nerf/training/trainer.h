@@ -6,17 +6,11 @@
 #include <vector>
 
 #include "io/scene/scene.h"
+#include "nerf/training/moved_camera.h"
 #include "nerf/training/train_options.h"
 #include "nerf/training/training_curve.h"
 
 namespace nerf {
-
-// A training view whose pose was refined.
-struct MovedCamera {
-  std::string name;
-  double motion_px;  // of its picture, root mean square
-  io::Rigid3d world_from_cam;
-};
 
 struct TrainReport {
   std::uint64_t steps = 0;
@@ -39,9 +33,10 @@ struct TrainReport {
 };
 
 // Writes checkpoint.bin and curve.csv into `folder`; continues from them when they are there. heldout may
-// have no frames. On a pending interrupt it writes a checkpoint and throws io::Interrupted. Throws kNumeric
-// when the loss stays non-finite, naming step, ray and seed, and kNoResources, before pictures are read, when
-// options.memory does not suffice for them and the field.
+// have no frames. Several ranks (io/base/ranks.h) train the same field; rank 0 alone writes, monitors, and
+// decides by its clock. On a pending interrupt it writes a checkpoint and throws io::Interrupted. Throws
+// kNumeric when the loss stays non-finite, naming step, ray and seed, and kNoResources, before pictures are
+// read, when options.memory does not suffice for them and the field.
 TrainReport Train(const io::Scene& scene,
                   const io::Scene& heldout,
                   const TrainOptions& options,

@@ -44,7 +44,8 @@ void PrintHelp() {
       "exit codes\n"
       "  0 done    2 usage    3 bad input    4 the capture cannot be reconstructed\n"
       "  5 a program or CPU feature is missing    6 disk or memory    7 run folder in use\n"
-      "  8 damaged checkpoint or model    9 numerical failure    70 a bug    128+n signal n\n");
+      "  8 damaged checkpoint or model    9 numerical failure    11 another rank was lost\n"
+      "  70 a bug    128+n signal n\n");
 }
 
 // Replaces this process by `pipeline-<name>`; returns only by throwing.

@@ -3,6 +3,7 @@
 // failure.
 #include <signal.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -16,6 +17,7 @@
 #include "io/base/process.h"
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
+#include "io/base/ranks.h"
 #include "pipeline/command/commands.h"
 #include "pipeline/evaluation/verdict.h"
 #include "pipeline/ingest/ingest_options.h"
@@ -27,6 +29,7 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/train_options.h"
 
@@ -144,7 +147,7 @@ int RunStage(const std::string& stage, const fs::path& out, const std::vector<st
     return 128 + report.signal;
   }
   if (report.exit_code != 0) return report.exit_code;
-  if (TextAt(ReadStageRecord(out, stage), "status") != "done")
+  if (io::AllRanks().IsFirst() && TextAt(ReadStageRecord(out, stage), "status") != "done")
     throw Error(ExitCode::kInternal, stage + " ended without its record", "Please report this as a bug");
   return 0;
 }
@@ -200,17 +203,8 @@ void PrintResults(const fs::path& out, const std::vector<std::string>& stages, d
               io::Printable(page.string()).c_str());
 }
 
-int RunChain(const RunOptions& run, const RunInput& input, const Options& options) {
-  const auto start = std::chrono::steady_clock::now();
-  fs::path out = run.common.out.empty() ? DefaultRunFolder(input.path) : fs::absolute(run.common.out);
-  out = (out / "").lexically_normal().parent_path();
-  if (!run.ingest.masks.empty() && !input.poses.empty()) {
-    throw Error(ExitCode::kUsage,
-                "--masks: " + input.poses.string() + " has poses, and then the frames name their masks",
-                "Write \"mask_path\" into the frames of a transforms.json");
-  }
-  const FolderLock lock(out, "run");
-  std::fprintf(stderr, "pipeline run: %s\n", StartupLine(DescribeMachine()).c_str());
+// Which stages rank 0 will run, in which way; recorded.
+std::vector<std::string> PlanChain(const RunInput& input, const fs::path& out, const Options& options) {
   if (!input.poses.empty()) {
     std::fprintf(stderr,
                  "pipeline run: %s has poses: ingest and sfm are not needed\n",
@@ -220,7 +214,6 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
         throw Error(ExitCode::kUsage, out.string() + ": holds a run of pictures", "Choose another --out");
     }
   }
-
   std::vector<std::string> stages;
   Json commands = Json::object();
   for (const StageEntry& entry : StageTable()) {
@@ -231,11 +224,48 @@ int RunChain(const RunOptions& run, const RunInput& input, const Options& option
   }
   RecordRun(out,
             {{"input", input.path.string()}, {"options", options.ResolvedJson()}, {"commands", commands}});
+  return stages;
+}
 
+// Runs the stage on this rank, if it has a part in it. Returns an exit code that is not 0 when that of any
+// rank is not.
+int RunOnAllRanks(const std::string& stage,
+                  bool has_part,
+                  const fs::path& out,
+                  const std::vector<std::string>& arguments) {
+  const int exit_code = has_part ? RunStage(stage, out, arguments) : 0;
+  const std::vector<std::string> all = io::AllRanks().AllGather(std::to_string(exit_code));
+  const auto failed =
+      std::find_if(all.begin(), all.end(), [](const std::string& code) { return code != "0"; });
+  return exit_code != 0 || failed == all.end() ? exit_code : std::stoi(*failed);
+}
+
+// What ranks do but the first: their parts of the stages that are shared out.
+int FollowChain(const RunInput& input, const fs::path& out, const Options& options) {
+  for (const StageEntry& stage : StageTable()) {
+    const int exit_code =
+        RunOnAllRanks(stage.name, stage.is_shared, out, StageArguments(stage.name, input, out, options));
+    if (exit_code != 0) return exit_code;
+  }
+  return 0;
+}
+
+int RunChain(const RunOptions& run, const RunInput& input, const fs::path& out, const Options& options) {
+  const auto start = std::chrono::steady_clock::now();
+  if (!run.ingest.masks.empty() && !input.poses.empty()) {
+    throw Error(ExitCode::kUsage,
+                "--masks: " + input.poses.string() + " has poses, and then the frames name their masks",
+                "Write \"mask_path\" into the frames of a transforms.json");
+  }
+  const FolderLock lock(out, "run");
+  std::fprintf(stderr, "pipeline run: %s\n", StartupLine(DescribeMachine()).c_str());
+  const std::vector<std::string> stages = PlanChain(input, out, options);
   std::optional<ViewBeside> view;
   if (run.view) view.emplace(out);
-  for (const std::string& stage : stages) {
-    const int exit_code = RunStage(stage, out, StageArguments(stage, input, out, options));
+  for (const StageEntry& entry : StageTable()) {
+    const std::string stage = entry.name;
+    const bool is_planned = std::find(stages.begin(), stages.end(), stage) != stages.end();
+    const int exit_code = RunOnAllRanks(stage, is_planned, out, StageArguments(stage, input, out, options));
     if (exit_code != 0) return exit_code;
   }
   PrintResults(out, stages, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
@@ -265,7 +295,12 @@ int RunRun(int argc, const char* const* argv) {
     ResolvedTrainOptions(options, run.train);  // whether they go together: now, not after half an hour
     fs::path& masks = run.ingest.masks;
     if (!masks.empty()) masks = fs::absolute(masks);  // commands are repeated from anywhere
-    stage_exit_code = RunChain(run, ExamineInput(run.input), options);
+    const RunInput input = ExamineInput(run.input);
+    fs::path out = run.common.out.empty() ? DefaultRunFolder(input.path) : fs::absolute(run.common.out);
+    out = (out / "").lexically_normal().parent_path();
+    const RankSession session("run", out, argc, argv);
+    stage_exit_code =
+        io::AllRanks().IsFirst() ? RunChain(run, input, out, options) : FollowChain(input, out, options);
   });
   return exit_code != 0 ? exit_code : stage_exit_code;
 }

@@ -11,6 +11,7 @@
 #include "io/base/check.h"
 #include "io/base/interrupt.h"
 #include "io/base/progress.h"
+#include "io/base/ranks.h"
 #include "nerf/metrics/metrics.h"
 #include "nerf/rendering/pose_fit.h"
 #include "nerf/rendering/support_map.h"
@@ -159,18 +160,21 @@ void MeasureErrors(const nerf::TrainedField& field,
   const nerf::SupportMap support(field, train, threads);
   io::Progress progress("evaluate: error budget");
   const std::size_t n_views = test.frames.size(), n = std::min(n_views, kBudgetViews);
-  for (std::size_t k = 0; k < n; ++k) {
+  std::vector<ErrorBudget> budgets(n);
+  for (const std::size_t k : io::OwnTasks(n)) {
     io::ThrowIfInterrupted();
     const std::size_t i = k * n_views / n;
     const io::Frame& frame = test.frames[i];
-    scores->views[i].budget = BudgetOf(field,
-                                       support,
-                                       test.cameras[static_cast<std::size_t>(frame.camera_index)],
-                                       frame,
-                                       scores->views[i].psnr_db,
-                                       threads);
+    budgets[k] = BudgetOf(field,
+                          support,
+                          test.cameras[static_cast<std::size_t>(frame.camera_index)],
+                          frame,
+                          scores->views[i].psnr_db,
+                          threads);
     progress.Update(static_cast<double>(k + 1) / static_cast<double>(n));
   }
+  io::GatherTasks(&budgets);
+  for (std::size_t k = 0; k < n; ++k) scores->views[k * n_views / n].budget = budgets[k];
   scores->budget = MeanBudget(scores->views);
 }
 

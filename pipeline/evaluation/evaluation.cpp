@@ -13,6 +13,7 @@
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
+#include "io/base/ranks.h"
 #include "io/image/colour_map.h"
 #include "nerf/metrics/flip.h"
 #include "nerf/metrics/metrics.h"
@@ -26,6 +27,7 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
+constexpr double kNoShare = -1;  // of a view without sparse points
 // Of pixels that a mask leaves out, in compare/: what was there can still be seen.
 constexpr std::uint8_t kDarkening = 4;
 // Of a pixel whose view is scored: FLIP and SSIM filter both pictures in double.
@@ -69,7 +71,12 @@ double PlainPsnr(const io::Image& truth, const io::Mask& mask) {
   return nerf::PsnrFromMse(nerf::MeanSquaredError(truth, plain, mask));
 }
 
-ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double* mse, double* plain_psnr) {
+// What ranks tell one another of a view.
+struct ViewFigures {
+  double mse = 0, psnr_db = 0, aligned_psnr_db = 0, ssim = 0, flip = 0, plain_psnr_db = 0;
+};
+
+ViewFigures ScoreView(const io::Frame& frame, const fs::path& render_path) {
   if (!fs::is_regular_file(render_path)) {
     throw Error(ExitCode::kBadInput, render_path.string() + ": the render of a held-out view is missing");
   }
@@ -80,16 +87,98 @@ ViewScore ScoreView(const io::Frame& frame, const fs::path& render_path, double*
                 render_path.string() + ": " + SizeText(render.width, render.height) +
                     " pixels, its truth has " + SizeText(truth.width, truth.height));
   }
-  ViewScore score;
-  score.name = frame.image_path.filename().string();
-  *mse = nerf::MeanSquaredError(truth, render, mask);
-  *plain_psnr = PlainPsnr(truth, mask);
-  score.identical = *mse == 0;
-  score.psnr_db = nerf::PsnrFromMse(*mse);
-  score.aligned_psnr_db = nerf::PsnrFromMse(nerf::ColourAlignedError(truth, render, mask));
-  score.ssim = nerf::Ssim(truth, render, mask);
-  score.flip = nerf::Flip(truth, render, {}, mask).mean;
-  return score;
+  const double mse = nerf::MeanSquaredError(truth, render, mask);
+  return {.mse = mse,
+          .psnr_db = nerf::PsnrFromMse(mse),
+          .aligned_psnr_db = nerf::PsnrFromMse(nerf::ColourAlignedError(truth, render, mask)),
+          .ssim = nerf::Ssim(truth, render, mask),
+          .flip = nerf::Flip(truth, render, {}, mask).mean,
+          .plain_psnr_db = PlainPsnr(truth, mask)};
+}
+
+// Keeps a render that is there.
+void RenderOne(const nerf::TrainedField& field,
+               const io::Scene& test,
+               const io::Frame& frame,
+               const fs::path& path,
+               int threads) {
+  const io::Camera& camera = test.cameras[frame.camera_index];
+  if (camera.HasDistortion()) {
+    throw Error(ExitCode::kBadInput,
+                frame.image_path.string() + ": its camera is distorted",
+                "Run pipeline normalize, which undistorts");
+  }
+  if (fs::is_regular_file(path)) return;
+  const io::Image truth = io::ReadImage(frame.image_path);
+  if (truth.width != camera.width || truth.height != camera.height) {
+    throw Error(ExitCode::kBadInput,
+                frame.image_path.string() + ": " + SizeText(truth.width, truth.height) +
+                    " pixels, its camera has " + SizeText(camera.width, camera.height));
+  }
+  io::WriteImage(path, QuantizeView(field.Render(camera, frame.world_from_cam, {.threads = threads})));
+}
+
+std::vector<ViewFigures> ScoreAll(const io::Scene& test, const fs::path& folder, io::Workers* workers) {
+  std::vector<ViewFigures> figures(test.frames.size());
+  const std::vector<std::size_t> own = io::OwnTasks(figures.size());
+  io::Progress progress("evaluate: score");
+  std::atomic<int> done = 0;
+  workers->Run(static_cast<int>(own.size()), [&](int k, int thread) {
+    io::ThrowIfInterrupted();
+    const io::Frame& frame = test.frames[own[k]];
+    figures[own[k]] = ScoreView(frame, RenderPath(folder, frame));
+    ++done;
+    if (thread == 0) progress.Update(static_cast<double>(done) / static_cast<double>(own.size()));
+  });
+  io::GatherTasks(&figures);
+  return figures;
+}
+
+void AddFigures(const io::Scene& test, const std::vector<ViewFigures>& figures, Scores* scores) {
+  const int n = static_cast<int>(figures.size());
+  std::vector<double> plain;
+  double mean_mse = 0;
+  for (int i = 0; i < n; ++i) {
+    const ViewFigures& view = figures[i];
+    scores->views.push_back({.name = test.frames[i].image_path.filename().string(),
+                             .psnr_db = view.psnr_db,
+                             .ssim = view.ssim,
+                             .flip = view.flip,
+                             .aligned_psnr_db = view.aligned_psnr_db,
+                             .identical = view.mse == 0,
+                             .budget = {}});
+    scores->psnr_db += view.psnr_db / n;
+    scores->ssim += view.ssim / n;
+    scores->flip += view.flip / n;
+    scores->aligned_psnr_db += view.aligned_psnr_db / n;
+    mean_mse += view.mse / n;
+    plain.push_back(view.plain_psnr_db);
+  }
+  scores->psnr_of_mean_mse_db = nerf::PsnrFromMse(mean_mse);
+  scores->plain_psnr_db = io::Median(std::move(plain));
+}
+
+void WriteComparisons(const io::Scene& test,
+                      const fs::path& folder,
+                      int max_strips,
+                      const Scores& scores,
+                      io::Workers* workers) {
+  const int n = static_cast<int>(test.frames.size());
+  const std::vector<int> order = scores.WorstFirst();
+  if (io::AllRanks().IsFirst()) {
+    fs::remove_all(folder / "compare");
+    fs::create_directories(folder / "compare");
+  }
+  std::vector<char> written(static_cast<std::size_t>(std::min(n, max_strips)), 0);
+  io::FromFirst(true);  // the folder is there
+  const std::vector<std::size_t> own = io::OwnTasks(written.size());
+  workers->Run(static_cast<int>(own.size()), [&](int k, int) {
+    const int view = order[own[k]];
+    WriteComparison(test.frames[view],
+                    RenderPath(folder, test.frames[view]),
+                    ComparisonPaths(folder, static_cast<int>(own[k]) + 1, n, scores.views[view].name));
+  });
+  io::GatherTasks(&written);
 }
 
 }  // namespace
@@ -121,50 +210,39 @@ void RenderViews(const nerf::TrainedField& field,
                  const fs::path& folder,
                  int threads) {
   fs::create_directories(folder / "renders");
-  io::Progress progress("evaluate: render");
   std::set<std::string> stems;
-  for (std::size_t i = 0; i < test.frames.size(); ++i) {
-    io::ThrowIfInterrupted();
-    const io::Frame& frame = test.frames[i];
+  for (const io::Frame& frame : test.frames) {
     if (!stems.insert(frame.image_path.stem().string()).second) {
       throw Error(ExitCode::kBadInput,
                   frame.image_path.string() + ": another held-out picture has the same name",
                   "Give each picture a name of its own");
     }
-    const fs::path path = RenderPath(folder, frame);
-    const io::Camera& camera = test.cameras[frame.camera_index];
-    if (camera.HasDistortion()) {
-      throw Error(ExitCode::kBadInput,
-                  frame.image_path.string() + ": its camera is distorted",
-                  "Run pipeline normalize, which undistorts");
-    }
-    if (!fs::is_regular_file(path)) {
-      const io::Image truth = io::ReadImage(frame.image_path);
-      if (truth.width != camera.width || truth.height != camera.height) {
-        throw Error(ExitCode::kBadInput,
-                    frame.image_path.string() + ": " + SizeText(truth.width, truth.height) +
-                        " pixels, its camera has " + SizeText(camera.width, camera.height));
-      }
-      nerf::RenderOptions options;
-      options.threads = threads;
-      io::WriteImage(path, QuantizeView(field.Render(camera, frame.world_from_cam, options)));
-    }
-    progress.Update(static_cast<double>(i + 1) / static_cast<double>(test.frames.size()));
   }
+  io::Progress progress("evaluate: render");
+  std::vector<char> done(test.frames.size(), 0);
+  const std::vector<std::size_t> own = io::OwnTasks(done.size());
+  for (const std::size_t i : own) {
+    io::ThrowIfInterrupted();
+    RenderOne(field, test, test.frames[i], RenderPath(folder, test.frames[i]), threads);
+    done[i] = 1;
+    progress.Update(static_cast<double>(i + 1) / static_cast<double>(done.size()));
+  }
+  io::GatherTasks(&done);
 }
 
 std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Scene& train, int threads) {
   const std::size_t n = train.frames.size();
   const std::size_t n_judged = std::min(n, static_cast<std::size_t>(kJudgedTrainingViews));
-  std::vector<double> psnr;
-  for (std::size_t i = 0; i < n_judged; ++i) {
+  std::vector<double> psnr(n_judged);
+  for (const std::size_t i : io::OwnTasks(n_judged)) {
     io::ThrowIfInterrupted();
     const io::Frame& frame = train.frames[i * n / n_judged];
     const io::Camera& camera = train.cameras[static_cast<std::size_t>(frame.camera_index)];
     const auto [truth, mask] = ReadTruth(frame);
     const io::Image render = QuantizeView(field.Render(camera, frame.world_from_cam, {.threads = threads}));
-    psnr.push_back(nerf::PsnrFromMse(nerf::MeanSquaredError(truth, render, mask)));
+    psnr[i] = nerf::PsnrFromMse(nerf::MeanSquaredError(truth, render, mask));
   }
+  io::GatherTasks(&psnr);
   if (psnr.empty()) return std::nullopt;
   return io::Median(std::move(psnr));
 }
@@ -175,14 +253,16 @@ std::optional<double> HiddenPoints(const nerf::TrainedField& field,
                                    int threads) {
   const std::size_t n = test.frames.size();
   const std::size_t n_judged = std::min(n, static_cast<std::size_t>(kJudgedViews));
-  std::vector<double> shares;
-  for (std::size_t i = 0; i < n_judged; ++i) {
+  std::vector<double> shares(n_judged, kNoShare);
+  for (const std::size_t i : io::OwnTasks(n_judged)) {
     io::ThrowIfInterrupted();
     const io::Frame& frame = test.frames[i * n / n_judged];
     const io::Camera& camera = test.cameras[static_cast<std::size_t>(frame.camera_index)];
-    if (const auto share = nerf::HiddenPointShare(field, camera, frame.world_from_cam, train, threads))
-      shares.push_back(*share);
+    shares[i] =
+        nerf::HiddenPointShare(field, camera, frame.world_from_cam, train, threads).value_or(kNoShare);
   }
+  io::GatherTasks(&shares);
+  std::erase(shares, kNoShare);
   if (shares.empty()) return std::nullopt;
   return io::Median(std::move(shares));
 }
@@ -205,42 +285,13 @@ Scores ScoreViews(const io::Scene& test, const fs::path& folder, const Evaluatio
   result.masked = std::any_of(test.frames.begin(), test.frames.end(), [](const io::Frame& frame) {
     return !frame.mask_path.empty();
   });
-  result.views.resize(test.frames.size());
-  std::vector<double> mses(test.frames.size()), plain(test.frames.size());
   const std::size_t n_pixels =
       static_cast<std::size_t>(result.width) * static_cast<std::size_t>(result.height);
   io::Workers workers(
       options.memory.AtOnce(options.threads, kScoringBytes * n_pixels, 0, "evaluate: scoring a view"));
-  io::Progress progress("evaluate: score");
-  std::atomic<int> done = 0;
-  workers.Run(n, [&](int i, int thread) {
-    io::ThrowIfInterrupted();
-    result.views[i] = ScoreView(test.frames[i], RenderPath(folder, test.frames[i]), &mses[i], &plain[i]);
-    ++done;
-    if (thread == 0) progress.Update(static_cast<double>(done) / n);
-  });
-
-  double mean_mse = 0;
-  for (int i = 0; i < n; ++i) {
-    const ViewScore& view = result.views[i];
-    result.psnr_db += view.psnr_db / n;
-    result.ssim += view.ssim / n;
-    result.flip += view.flip / n;
-    result.aligned_psnr_db += view.aligned_psnr_db / n;
-    mean_mse += mses[i] / n;
-  }
-  result.psnr_of_mean_mse_db = nerf::PsnrFromMse(mean_mse);
-  result.plain_psnr_db = io::Median(std::move(plain));
-
-  fs::remove_all(folder / "compare");
-  fs::create_directories(folder / "compare");
-  const std::vector<int> order = result.WorstFirst();
-  workers.Run(std::min(n, options.max_strips), [&](int rank, int) {
-    const io::Frame& frame = test.frames[order[rank]];
-    WriteComparison(frame,
-                    RenderPath(folder, frame),
-                    ComparisonPaths(folder, rank + 1, n, result.views[order[rank]].name));
-  });
+  const std::vector<ViewFigures> figures = ScoreAll(test, folder, &workers);
+  AddFigures(test, figures, &result);
+  WriteComparisons(test, folder, options.max_strips, result, &workers);
   return result;
 }
 

@@ -6,11 +6,13 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <optional>
 
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
 #include "io/base/progress.h"
+#include "io/base/ranks.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
 #include "io/image/image_size.h"
@@ -102,8 +104,8 @@ class FilmMaker {
   void FindPath(Film* film) const;
   void ChooseSize(Film* film) const;
   void WritePath(const Film& film) const;
-  // Whether a frame had to be rendered; adds the time of that to film->ms_per_frame.
-  bool MakeFrame(int frame, Film* film) const;
+  // Returns the milliseconds that rendering it took, 0 when it was there.
+  double MakeFrame(int frame, const Film& film) const;
 
  private:
   void FitPath(Film* film) const;
@@ -214,17 +216,17 @@ void FilmMaker::WriteSupport(int frame, const nerf::ViewSupport& support, const 
                  ViewCountPicture(support, static_cast<int>(train_.frames.size()), width, height));
 }
 
-bool FilmMaker::MakeFrame(int frame, Film* film) const {
+double FilmMaker::MakeFrame(int frame, const Film& film) const {
   const fs::path picture_path = FramePath("frames", frame), depth_path = FramePath("depth_frames", frame),
                  support_path = FramePath("support_frames", frame);
-  const bool shows_support = IsSupportFrame(frame, film->frames);
+  const bool shows_support = IsSupportFrame(frame, film.frames);
   if (fs::is_regular_file(picture_path) && (!options_.depth || fs::is_regular_file(depth_path)) &&
       (!options_.support || fs::is_regular_file(support_path)) &&
       (!shows_support || fs::is_regular_file(SupportPicturePaths(folder_, frame).views)))
-    return false;
+    return 0;
   const auto start = std::chrono::steady_clock::now();
-  const io::Rigid3d& pose = film->path.world_from_cam[static_cast<std::size_t>(frame)];
-  const io::Camera camera = CameraOf(*film, frame);
+  const io::Rigid3d& pose = film.path.world_from_cam[static_cast<std::size_t>(frame)];
+  const io::Camera camera = CameraOf(film, frame);
   nerf::RenderedView view = field_.Render(camera, pose, render_options_);
   const bool unknown = field_.HasUnknownSpace();
   nerf::ViewSupport support;
@@ -235,7 +237,7 @@ bool FilmMaker::MakeFrame(int frame, Film* film) const {
     support = support_.ObservedIn(camera, pose, view, options_.threads);
   }
   if (unknown) nerf::VeilUnobserved(support, kUnseenTone, render_options_.limits.crop.has_value(), &view);
-  film->ms_per_frame += 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
+  const double ms = 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
   const io::Image picture = QuantizeView(view);
   if (options_.depth) io::WriteImage(depth_path, DepthPicture(view, train_.near, train_.far));
   if (options_.support) {
@@ -244,7 +246,20 @@ bool FilmMaker::MakeFrame(int frame, Film* film) const {
   }
   if (shows_support) WriteSupport(frame, support, picture);
   io::WriteImage(picture_path, picture);
-  return true;
+  return ms;
+}
+
+void RenderFrames(const FilmMaker& maker, Film* film) {
+  std::vector<double> ms(static_cast<std::size_t>(film->frames), 0);
+  io::Progress progress("render: film");
+  for (const std::size_t i : io::OwnTasks(ms.size())) {
+    io::ThrowIfInterrupted();
+    ms[i] = maker.MakeFrame(static_cast<int>(i), *film);
+    progress.Update((static_cast<double>(i) + 1) / film->frames);
+  }
+  io::GatherTasks(&ms);
+  film->rendered = static_cast<int>(std::count_if(ms.begin(), ms.end(), [](double t) { return t > 0; }));
+  if (film->rendered > 0) film->ms_per_frame = std::accumulate(ms.begin(), ms.end(), 0.0) / film->rendered;
 }
 
 }  // namespace
@@ -295,26 +310,27 @@ Film RenderFilm(const nerf::TrainedField& field,
                     ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
                     : FilmCamera(train, options.width, options.photo_side);
   RequireMemory(film.camera, options);
-  const io::VideoEncoder encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
+  const bool leads = io::AllRanks().IsFirst();
+  std::optional<io::VideoEncoder> encoder;
+  if (leads) encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
   const FilmMaker maker(field, train, options, given_path ? &*given_path : nullptr, crop, folder);
   maker.FindPath(&film);
-  maker.ChooseSize(&film);
-  film.decisions.push_back(encoder.decision);
-  maker.WritePath(film);
-
-  io::Progress progress("render: film");
-  for (int i = 0; i < film.frames; ++i) {
-    io::ThrowIfInterrupted();
-    film.rendered += maker.MakeFrame(i, &film);
-    progress.Update((i + 1.0) / film.frames);
+  if (leads) maker.ChooseSize(&film);  // by its clock
+  const int width = io::FromFirst(film.camera.width);
+  if (leads) {
+    film.decisions.push_back(encoder->decision);
+    maker.WritePath(film);
+  } else {
+    film.camera = EvenCamera(film.camera, width);
   }
-  if (film.rendered > 0) film.ms_per_frame /= film.rendered;
+  RenderFrames(maker, &film);
+  if (!leads) return film;
   if (film.rendered < film.frames) {
     film.decisions.push_back(
         fmt::format("{} frames were on disk already and were kept", film.frames - film.rendered));
   }
   const auto encode = [&](const char* frames, const char* name) {
-    film.videos.push_back(io::EncodeVideo(encoder, folder / frames, film.frames, film.fps, folder / name));
+    film.videos.push_back(io::EncodeVideo(*encoder, folder / frames, film.frames, film.fps, folder / name));
   };
   encode("frames", "novel_view.mp4");
   if (options.depth) encode("depth_frames", "depth.mp4");

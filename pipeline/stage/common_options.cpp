@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 
 #include "io/base/error.h"
 #include "io/base/parallel.h"
+#include "io/base/ranks.h"
 
 namespace pipeline {
 namespace {
@@ -29,7 +31,11 @@ void AddCommonOptions(Options* options, CommonOptions* common) {
 }
 
 int ResolvedThreads(const CommonOptions& common) {
-  const int cores = io::AvailableCores();
+  int cores = io::AvailableCores();
+  // torchrun says how many ranks share this machine; srun gives each its own cores.
+  const char* ranks_here = std::getenv("LOCAL_WORLD_SIZE");
+  if (io::AllRanks().AreSeveral() && ranks_here)
+    cores = std::max(1, cores / std::max(1, std::atoi(ranks_here)));
   return common.threads == 0 ? cores : std::min(common.threads, kMaxThreadsPerCore * cores);
 }
 

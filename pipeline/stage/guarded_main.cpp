@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <new>
+#include <optional>
 #include <string_view>
 #include <system_error>
 
@@ -59,6 +60,7 @@ int GuardedMain(const std::string& program, const std::function<void()>& body) {
     body();
     return static_cast<int>(ExitCode::kOk);
   } catch (const io::Interrupted& interrupted) {
+    if (const std::optional<Error> reason = io::StopReason()) return report(reason->code(), reason->what());
     std::fprintf(stderr,
                  "%s: stopped by signal %d; the same command continues\n",
                  program.c_str(),

@@ -1,9 +1,12 @@
 #include "pipeline/stage/stage_run.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "io/base/atomic_file.h"
 #include "io/base/check.h"
@@ -13,6 +16,7 @@
 #include "io/base/owned_folder.h"
 #include "io/base/progress.h"
 #include "io/base/quoting.h"
+#include "io/base/ranks.h"
 #include "io/base/resource_meter.h"
 #include "pipeline/stage/hash_tree.h"
 #include "pipeline/stage/run_record.h"
@@ -62,7 +66,10 @@ StageRun::StageRun(const std::string& stage_name,
                    const Options& options,
                    const std::vector<fs::path>& inputs,
                    bool keep_partial)
-    : stage_name_(stage_name), options_(options), figures_(std::make_unique<Json>(Json::object())) {
+    : stage_name_(stage_name),
+      options_(options),
+      leads_(io::AllRanks().IsFirst()),
+      figures_(std::make_unique<Json>(Json::object())) {
   if (common.out.empty()) throw Error(ExitCode::kUsage, "pipeline " + stage_name + ": --out DIR is missing");
   run_folder_ = fs::absolute(common.out).lexically_normal();
   if (!run_folder_.has_filename()) run_folder_ = run_folder_.parent_path();  // "run/" is "run"
@@ -77,9 +84,10 @@ StageRun::StageRun(const std::string& stage_name,
                   "Run the stages before `" + stage_name + "` first, or `pipeline run`");
     }
   }
-  lock_ = std::make_unique<FolderLock>(run_folder_, "stage");
-  io::RequireOwnedFolder(final_);  // now, not after the work
-
+  if (leads_) {
+    lock_ = std::make_unique<FolderLock>(run_folder_, "stage");
+    io::RequireOwnedFolder(final_);  // now, not after the work
+  }
   for (const fs::path& input : inputs) HashTree(input, run_folder_, &input_hashes_);
   Json versions = VersionsJson();
   versions.erase("commit");  // says where results came from; whether they changed, the version says
@@ -87,9 +95,16 @@ StageRun::StageRun(const std::string& stage_name,
   for (const auto& [path, hash] : input_hashes_)
     key_text += "\n" + fs::path(path).lexically_relative(run_folder_).string() + " " + hash;
   key_ = io::HashBytes(key_text);
+  const std::string origin = VersionsJson().dump() + "\n" + key_text;
+  if (!leads_) {
+    Follow(origin);
+    return;
+  }
 
   const Json record = ReadStageRecord(run_folder_, stage_name);
   up_to_date_ = !common.force && TextAt(record, "key") == key_ && ProductsIntact(final_, record);
+  std::string told = (up_to_date_ ? "1" : "0") + origin;
+  io::AllRanks().Broadcast(&told);
   io::RemoveTemporaries(run_folder_);
   if (up_to_date_) {
     // A run that was killed right after its commit. Another one, to be resumed with other options, stays.
@@ -99,6 +114,23 @@ StageRun::StageRun(const std::string& stage_name,
   } else {
     OpenPartial(keep_partial && !common.force);
     Record("running", Json::object());
+  }
+}
+
+// Rank 0 does what concerns files; all others must be about to compute the same.
+void StageRun::Follow(const std::string& origin) {
+  std::string told;
+  io::AllRanks().Broadcast(&told);
+  up_to_date_ = told.starts_with("1");
+  std::istringstream theirs(told.substr(1)), mine(origin);
+  for (std::string a, b; bool(std::getline(theirs, a)) | bool(std::getline(mine, b)); a.clear(), b.clear()) {
+    if (a == b) continue;
+    throw Error(ExitCode::kUsage,
+                fmt::format("rank {} differs from rank 0: {} instead of {}",
+                            io::AllRanks().rank(),
+                            b.empty() ? "nothing" : b,
+                            a.empty() ? "nothing" : a),
+                "Start all ranks with the same program, options and run folder");
   }
 }
 
@@ -124,7 +156,7 @@ void StageRun::RemovePartial() {
 }
 
 StageRun::~StageRun() {
-  if (up_to_date_ || finished_) return;
+  if (!leads_ || up_to_date_ || finished_) return;
   try {
     Record(io::PendingInterrupt() ? "interrupted" : "failed", Json::object());
   } catch (const std::exception&) {  // the error that brought us here is the one to report
@@ -138,6 +170,7 @@ void StageRun::Record(const std::string& status, const Json& record) {
 }
 
 void StageRun::Decide(const std::string& line) {
+  if (!leads_) return;
   std::fprintf(stderr, "%s: %s\n", stage_name_.c_str(), io::Printable(line).c_str());
   decisions_.push_back(line);
 }
@@ -155,6 +188,7 @@ void StageRun::AddChildUse(double cpu_s, std::size_t peak_rss_bytes) {
 }
 
 void StageRun::Finish() {
+  if (!leads_) return;
   std::map<std::string, std::string> output_hashes;
   HashTree(partial_, {}, &output_hashes);
   const double wall_s = stopwatch_.seconds();

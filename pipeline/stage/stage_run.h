@@ -1,5 +1,6 @@
 // One run of a stage: its cache key, its partial outputs, and their commit. A stage writes into a hidden
-// partial folder that becomes `<run>/<folder>` only when it is complete.
+// partial folder that becomes `<run>/<folder>` only when it is complete. Of several ranks (io/base/ranks.h)
+// the first does so; for the others a StageRun only tells whether and where there is work.
 #pragma once
 
 #include <filesystem>
@@ -19,7 +20,8 @@ class StageRun {
  public:
   // options must outlive the StageRun. inputs: files or folders whose content determines the result (folders
   // are walked; the run folder inside one is skipped). keep_partial: an interrupted run with the same key
-  // left a folder to resume from; otherwise the partial folder starts empty.
+  // left a folder to resume from; otherwise the partial folder starts empty. Throws kUsage on a rank whose
+  // program, options or inputs are not those of rank 0.
   StageRun(const std::string& stage_name,
            const CommonOptions& common,
            const Options& options,
@@ -27,6 +29,8 @@ class StageRun {
            bool keep_partial = false);
   ~StageRun();  // without Finish() the stage is recorded as failed or interrupted
 
+  // False for ranks that only compute: they write no files but what they share in folder().
+  bool Leads() const { return leads_; }
   // True when the finished outputs belong to this key and are intact: nothing to do.
   bool IsUpToDate() const { return up_to_date_; }
   const std::filesystem::path& folder() const { return partial_; }  // write here
@@ -48,6 +52,7 @@ class StageRun {
   void Finish();
 
  private:
+  void Follow(const std::string& origin);
   void OpenPartial(bool keep_partial);
   bool PartialHasKey() const;
   void RemovePartial();
@@ -55,6 +60,7 @@ class StageRun {
 
   std::string stage_name_, key_;
   const Options& options_;
+  const bool leads_;
   std::filesystem::path run_folder_, partial_, final_, key_file_;
   std::unique_ptr<FolderLock> lock_;
   std::map<std::string, std::string> input_hashes_;

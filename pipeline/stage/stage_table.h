@@ -13,6 +13,7 @@ struct StageEntry {
   const char* folder;  // output folder inside the run folder; its record is <folder>/<folder>.json
   const char* inputs;  // for --help and README
   const char* outputs;
+  bool is_shared = false;  // out over several ranks
 };
 
 // ingest, sfm, normalize, train, evaluate, render, report, in this order.

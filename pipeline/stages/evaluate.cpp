@@ -12,6 +12,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
@@ -53,6 +54,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   // Where views are not shown at all, there is nothing that a pose could be fitted to.
   if (options.error_budget && verdict.outcome != Outcome::kFailed)
     MeasureErrors(*field, train, test, options.threads, &scores);
+  if (!stage.Leads()) return;
   WriteScores(scores, stage.folder());
 
   const ViewScore& worst = scores.views[scores.WorstFirst()[0]];
@@ -107,6 +109,7 @@ int RunEvaluate(int argc, const char* const* argv) {
     AddCommonOptions(&bound, &common);
     AddEvaluateOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
+    const RankSession session("evaluate", common.out, argc, argv);
     options.threads = ResolvedThreads(common);
     options.memory = ResolvedMemory(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("evaluate", argc, argv);

@@ -7,6 +7,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
@@ -39,6 +40,7 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   const io::Scene train = io::ReadTransforms(transforms).scene;
   options.memory.Require(nerf::LoadedFieldBytes(checkpoint), "render: the field");
   const Film film = RenderFilm(*nerf::TrainedField::Load(checkpoint), train, options, stage.folder());
+  if (!stage.Leads()) return;
 
   for (const std::string& decision : film.decisions) stage.Decide(decision);
   for (const io::VideoReport& video : film.videos) stage.AddChildUse(video.cpu_s, video.peak_rss_bytes);
@@ -71,6 +73,7 @@ int RunRender(int argc, const char* const* argv) {
     if (!bound.Parse(argc, argv)) return;
     FilmOptions options = flags.film;
     options.ceiling_s = ParseDuration("max-time", flags.max_time);
+    const RankSession session("render", common.out, argc, argv);
     options.threads = ResolvedThreads(common);
     options.memory = ResolvedMemory(common);
     if (NeedsTorch(common.out / "train/checkpoint.bin")) ContinueWithTorch("render", argc, argv);

@@ -12,6 +12,7 @@
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
 #include "pipeline/stages/moved_cameras.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/stages.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/train_options.h"
@@ -54,19 +55,26 @@ void TrainStage(int argc, const char* const* argv) {
   AddTrainOptions(&options, &flags);
   if (!options.Parse(argc, argv)) return;
   ApplyPreset(argc, argv, &options, &flags);
+  const RankSession session("train", common.out, argc, argv);
   nerf::TrainOptions train = ResolvedTrainOptions(options, flags);
   train.threads = ResolvedThreads(common);
   train.memory = ResolvedMemory(common);
-  if (train.field.kind == nerf::FieldKind::kMlp) ContinueWithTorch("train", argc, argv);
+  if (train.field.kind == nerf::FieldKind::kMlp) {
+    if (io::AllRanks().AreSeveral())
+      throw io::Error(
+          io::ExitCode::kUsage, "--field nerf trains on one rank", "Unset WORLD_SIZE, or use --field hash");
+    ContinueWithTorch("train", argc, argv);
+  }
 
   const std::filesystem::path scene_folder = common.out / "scene";
   StageRun run("train", common, options, {scene_folder}, true);
   if (run.IsUpToDate()) return;
   io::Scene scene = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
   const io::Scene monitored = MonitoredScene(scene_folder, train.target_psnr > 0, &scene, &run);
-  train.watcher = WatcherOf(common.out);
+  if (run.Leads()) train.watcher = WatcherOf(common.out);
   const auto train_field = train.target_psnr > 0 ? nerf::TrainToTarget : nerf::Train;
   const nerf::TrainReport report = train_field(scene, monitored, train, run.folder());
+  if (!run.Leads()) return;
   WriteMovedCameras(run.folder() / "cameras.json", report.moved_cameras);
   if (!report.derivation.empty()) run.Decide(report.derivation);
   for (const std::string& event : report.events) run.Decide(event);
