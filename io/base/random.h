@@ -14,7 +14,16 @@ inline std::uint64_t Mix(std::uint64_t z) {
 }
 
 // What a stream of numbers is used for; each purpose draws from its own.
-enum class Stream : std::uint64_t { kInit = 1, kRay, kProbe, kMonitor, kJitter };
+enum class Stream : std::uint64_t {
+  kInit = 1,
+  kRay,
+  kProbe,
+  kMonitor,
+  kJitter,
+  kSplat,
+  kSplatView,
+  kSplatBackground
+};
 
 class Random {
  public:

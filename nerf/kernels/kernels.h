@@ -1,6 +1,6 @@
-// The inner loops of the `hash` field, as plain functions on raw arrays, in four builds of one source
-// (portable, AVX2, AVX-512, AVX-512 with bfloat16) chosen at run time. Every function has a plain reference
-// in a *reference.h beside this file that tests compare it with.
+// The inner loops of the `hash` field and of splats, as plain functions on raw arrays, in four builds of one
+// source (portable, AVX2, AVX-512, AVX-512 with bfloat16) chosen at run time. Every function has a plain
+// reference in a *reference.h beside this file that tests compare it with.
 //
 // Layout: matrices are row-major with one row per sample. Widths (k, m) are multiples of 16 unless stated;
 // arrays need no particular alignment; the caller owns all memory; in- and outputs do not overlap.
@@ -18,6 +18,7 @@
 
 #include "nerf/kernels/hash_grid_kernels.h"
 #include "nerf/kernels/march.h"
+#include "nerf/kernels/splat_blending.h"
 
 namespace nerf::kernels {
 
@@ -106,6 +107,9 @@ struct Kernels {
       const AdamStep& step, std::size_t n, float* gradients, float* v, float* values, Bf16* rounded);
 
   MarchFunction march;
+
+  BlendSplatsFunction blend_splats;
+  BlendSplatsGradientFunction blend_splats_gradient;
 
   template <typename Real>
   const NetworkKernels<Real>& Network() const {

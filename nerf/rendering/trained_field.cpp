@@ -25,8 +25,7 @@ class CheckpointTrainedField : public TrainedField {
         options.samples_per_pixel > 0 ? options.samples_per_pixel : scene_field_->samples_per_pixel;
     const float step_scale = options.step_scale > 0 ? options.step_scale : FinestStepScale(samples_per_pixel);
     const std::array<float, 3> background =
-        options.limits.crop ? options.background
-                            : scene_field_->Background(state_.channels == 4, options.background);
+        options.limits.crop ? options.background : Background(options.background);
     const std::size_t n = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
     view.rgb.reserve(3 * n), view.depth.reserve(n), view.median_depth.reserve(n), view.opacity.reserve(n);
     std::vector<CameraPixel> band;
@@ -48,6 +47,10 @@ class CheckpointTrainedField : public TrainedField {
   }
 
   bool HasUnknownSpace() const override { return state_.channels != 4 && !scene_field_->background; }
+
+  std::array<float, 3> Background(const std::array<float, 3>& wanted) const override {
+    return scene_field_->Background(state_.channels == 4, wanted);
+  }
 
  private:
   TrainState state_;

@@ -61,6 +61,9 @@ class TrainedField {
   // Whether what no picture shows was left open in training, so that anything may be there: opaque pictures
   // without a plain background. Otherwise it is background.
   virtual bool HasUnknownSpace() const = 0;
+
+  // sRGB in [0, 1], shown where rays leave the scene: `wanted` where it is free.
+  virtual std::array<float, 3> Background(const std::array<float, 3>& wanted) const { return wanted; }
 };
 
 }  // namespace nerf

@@ -69,8 +69,7 @@ std::vector<Surfel> DenseSurface(const ExportedScene& scene, const SurfaceOption
     const io::Camera camera =
         CameraFor(scene.train.cameras[static_cast<std::size_t>(frame.camera_index)], options.view_size);
     const double pixel_angle = nerf::PixelAngle(camera);
-    const ViewSurface view =
-        MeasureSurface(*scene.field, *scene.support, camera, frame.world_from_cam, scene.threads);
+    const ViewSurface view = MeasureSurface(scene, camera, frame.world_from_cam);
     const double footprint = MedianFootprint(view.distance, pixel_angle);
     if (!grid && footprint > 0)
       grid.emplace(kFirstCell * footprint, static_cast<std::size_t>(options.max_points));

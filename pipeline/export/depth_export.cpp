@@ -34,10 +34,10 @@ double AxisCosine(const ViewSurface& view, const io::Rigid3d& world_from_cam, st
 double ChooseFar(const ExportedScene& scene, const std::vector<ExportedView>& views) {
   std::vector<float> distances;
   for (const ExportedView& view : views) {
-    const nerf::RenderedView small =
-        scene.field->Render(nerf::SmallCamera(*view.camera, kTrialSide),
-                            view.frame->world_from_cam,
-                            {.threads = scene.threads, .step_scale = 1, .samples_per_pixel = 1});
+    const nerf::RenderedView small = scene.field->Render(
+        nerf::SmallCamera(*view.camera, kTrialSide),
+        view.frame->world_from_cam,
+        {.threads = scene.threads, .step_scale = 1, .samples_per_pixel = 1, .limits = {.crop = scene.crop}});
     for (const float distance : small.median_depth)
       if (std::isfinite(distance)) distances.push_back(distance);
   }
@@ -98,8 +98,7 @@ void ExportDepth(const ExportedScene& scene, const fs::path& folder) {
   for (const ExportedView& view : views) {
     io::ThrowIfInterrupted();
     const io::Rigid3d& pose = view.frame->world_from_cam;
-    const ViewSurface surface =
-        MeasureSurface(*scene.field, *scene.support, *view.camera, pose, scene.threads);
+    const ViewSurface surface = MeasureSurface(scene, *view.camera, pose);
     WriteDepth(surface, pose, step, out.path() / "depth" / view.name, &near, &far);
     WriteNormals(surface, pose.rotation, out.path() / "normals" / view.name);
     WriteSupport(surface, out.path() / "support" / view.name);

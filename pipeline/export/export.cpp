@@ -16,6 +16,8 @@
 #include "pipeline/export/export_place.h"
 #include "pipeline/export/mesh_export.h"
 #include "pipeline/export/points_export.h"
+#include "pipeline/export/splat_quality.h"
+#include "pipeline/export/splat_scene.h"
 #include "pipeline/export/splats_export.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/page/page_export.h"
@@ -35,11 +37,11 @@ struct ExportOptions {
   fs::path run, cameras, points, depth, splats, mesh, page, crop;
   FrameOptions frame;
   SurfaceOptions surface;
+  SplatSceneOptions splats_from;
   int max_triangles = 500000;
   CommonOptions common;
 
-  bool NeedsSurface() const { return !points.empty() || !splats.empty(); }
-  bool NeedsField() const { return NeedsSurface() || !depth.empty() || !mesh.empty(); }
+  bool NeedsField() const { return !points.empty() || !splats.empty() || !depth.empty() || !mesh.empty(); }
 };
 
 // An export is one file, of a name that ends so, or a folder.
@@ -61,7 +63,7 @@ void AddExportOptions(Options* options, ExportOptions* to) {
       "cameras", &to->cameras, "FOLDER: poses, pictures, sparse points for COLMAP, nerfstudio, NeRF");
   options->Add("points", &to->points, "FILE.ply: points of the surface, with normal, colour and support");
   options->Add("depth", &to->depth, "FOLDER: depth, normals and support of every view");
-  options->Add("splats", &to->splats, "FILE.ply: the surface as 3D Gaussians, not optimised");
+  options->Add("splats", &to->splats, "FILE.ply: the scene as 3D Gaussians, fitted to the field");
   options->Add("mesh", &to->mesh, "FILE.glb or FILE.ply: the surface as triangles, with normals and colours");
   options->Add("page", &to->page, "FILE.html: the field to look around in, in any browser and offline");
   options->Add("frame",
@@ -74,11 +76,19 @@ void AddExportOptions(Options* options, ExportOptions* to) {
       "x,y,z,x,y,z=METRES: two points of known distance, in those coordinates; all is then written in "
       "metres",
       {.check = [](const std::string& name, const std::string& text) { ParsePointsApart(name, text); }});
-  options->Add("crop",
-               &to->crop,
-               "camera_path.json with a crop box, as `pipeline view` saves it: points, splats and mesh hold "
-               "what lies inside");
-  options->Add("max-points", &to->surface.max_points, "most points and splats", {.min = 1, .max = 1e8});
+  options->Add(
+      "crop",
+      &to->crop,
+      "camera_path.json with a crop box, as `pipeline view` saves it: points, depth, splats and mesh "
+      "hold what lies inside");
+  options->Add("max-points", &to->surface.max_points, "most points of the surface", {.min = 1, .max = 1e8});
+  options->Add("max-splats", &to->splats_from.max_splats, "most splats, nearly", {.min = 1, .max = 1e8});
+  options->Add(
+      "splat-steps",
+      &to->splats_from.steps,
+      "steps in which splats are fitted to the field's pictures; more are better and take longer; 0 = as "
+      "they lie on the surface",
+      {.min = 0, .max = 1e6});
   options->Add("max-triangles", &to->max_triangles, "most triangles of the mesh", {.min = 1000, .max = 1e8});
   options->Add("view-size",
                &to->surface.view_size,
@@ -123,6 +133,22 @@ void Say(const char* what, const fs::path& path, const std::string& note = "") {
   std::printf("%-7s %s%s\n", what, io::Printable(path.string()).c_str(), note.c_str());
 }
 
+void ExportSplats(const ExportedScene& scene, const ExportOptions& options) {
+  SplatSceneOptions splat_options = options.splats_from;
+  splat_options.view_size = options.surface.view_size;
+  const nerf::Splats splats = MakeSplats(scene, splat_options);
+  WriteSplats(splats, scene.target, options.splats);
+  std::string note = fmt::format("  {} splats", splats.size());
+  if (const auto quality = MeasureSplats(scene, splats))
+    note +=
+        fmt::format(", {:.2f} dB on {} held-out photos (field {:.2f}), {:.2f} dB from the field's pictures",
+                    quality->splats_db,
+                    quality->views,
+                    quality->field_db,
+                    quality->apart_db);
+  Say("splats", options.splats, note);
+}
+
 void Export(const ExportOptions& options) {
   std::optional<nerf::CropBox> crop;
   if (!options.crop.empty()) crop = ReadCrop(options.crop).box;
@@ -149,17 +175,12 @@ void Export(const ExportOptions& options) {
     const std::size_t triangles = ExportMesh(scene, options.max_triangles, options.mesh);
     Say("mesh", options.mesh, "  " + std::to_string(triangles) + " triangles");
   }
-  if (!options.NeedsSurface()) return;
-  const std::vector<Surfel> surfels = DenseSurface(scene, options.surface);
-  const std::string note = "  " + std::to_string(surfels.size()) + " points";
   if (!options.points.empty()) {
+    const std::vector<Surfel> surfels = DenseSurface(scene, options.surface);
     ExportPoints(surfels, scene.target, options.points);
-    Say("points", options.points, note);
+    Say("points", options.points, "  " + std::to_string(surfels.size()) + " points");
   }
-  if (!options.splats.empty()) {
-    ExportSplats(surfels, scene.target, options.splats);
-    Say("splats", options.splats, note);
-  }
+  if (!options.splats.empty()) ExportSplats(scene, options);
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ struct ExportedScene {
   std::unique_ptr<nerf::TrainedField> field;  // null: not asked for
   std::unique_ptr<nerf::SupportMap> support;  // with the field
   TargetFrame target;
-  std::optional<nerf::CropBox> crop;  // of surfaces, scene coordinates
+  std::optional<nerf::CropBox> crop;  // of what the field shows, scene coordinates
   int threads = 1;
 };
 

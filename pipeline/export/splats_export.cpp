@@ -1,68 +1,64 @@
 #include "pipeline/export/splats_export.h"
 
-#include <algorithm>
 #include <cmath>
+#include <string>
 
-#include "io/base/atomic_file.h"
-#include "io/scene/decomposition.h"
-#include "pipeline/export/ply_bytes.h"
-#include "pipeline/export/point_spacing.h"
+#include "pipeline/export/ply_table.h"
 
 namespace pipeline {
 namespace {
 
-// Standard deviation along the surface per spacing of the points: their sum then varies by a few per cent.
-constexpr double kSigmaPerSpacing = 0.6;
-// Standard deviation across the surface, as a share of the one along it.
-constexpr double kFlatness = 0.1;
-// Bounds of the spacing among neighbours, as shares of the footprint of a pixel or a cell there: points that
-// coincide must not vanish, nor lonely ones swell.
-constexpr double kMinSpacing = 0.1, kMaxSpacing = 3;
-constexpr double kOpacity = 0.9;
-// Of degree 0: 1 / (2 sqrt(pi)).
-constexpr double kHarmonic = 0.28209479177387814;
+// The factors k1, k2, k3 of a channel are those of a vector's product with the direction, which turns with
+// the scene.
+Eigen::Vector3d TurnedHarmonics(const Eigen::Matrix3d& rotation, double k1, double k2, double k3) {
+  const Eigen::Vector3d turned = rotation * Eigen::Vector3d(-k3, -k1, k2);
+  return {-turned.y(), turned.z(), -turned.x()};
+}
 
 }  // namespace
 
-void ExportSplats(const std::vector<Surfel>& surfels,
-                  const TargetFrame& target,
-                  const std::filesystem::path& file) {
-  std::string bytes = PlyHeader(surfels.size(),
-                                "frame " + target.name + ", unit: " + target.unit,
-                                {"float x",
-                                 "float y",
-                                 "float z",
-                                 "float nx",
-                                 "float ny",
-                                 "float nz",
-                                 "float f_dc_0",
-                                 "float f_dc_1",
-                                 "float f_dc_2",
-                                 "float opacity",
-                                 "float scale_0",
-                                 "float scale_1",
-                                 "float scale_2",
-                                 "float rot_0",
-                                 "float rot_1",
-                                 "float rot_2",
-                                 "float rot_3"});
-  const auto put = [&](double value) { AppendBytes(static_cast<float>(value), &bytes); };
-  const std::vector<double> spacing = PointSpacing(surfels);
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    const Surfel& surfel = surfels[i];
-    const Eigen::Vector3d position = target.target_from_scene * surfel.position,
-                          normal = target.target_from_scene.rotation * surfel.normal;
-    const double share = std::clamp(spacing[i] / surfel.spacing, kMinSpacing, kMaxSpacing);
-    const double sigma = kSigmaPerSpacing * target.target_from_scene.scale * share * surfel.spacing;
-    const Eigen::Quaterniond turn(io::RotationBetween(Eigen::Vector3d::UnitZ(), normal));
-    for (const double value : position) put(value);
-    for (const double value : normal) put(value);
-    for (const double value : surfel.rgb) put((value - 0.5) / kHarmonic);
-    put(std::log(kOpacity / (1 - kOpacity)));
-    for (const double value : {sigma, sigma, kFlatness * sigma}) put(std::log(value));
-    for (const double value : {turn.w(), turn.x(), turn.y(), turn.z()}) put(value);
+void WriteSplats(const nerf::Splats& splats, const TargetFrame& target, const std::filesystem::path& file) {
+  const io::Sim3d& target_from_scene = target.target_from_scene;
+  std::vector<PlyColumn> columns;
+  const auto add = [&](const std::string& name, int index, auto value) {
+    columns.push_back({name + std::to_string(index), PlyType::kFloat, value});
+  };
+  const auto colour = [&](std::size_t i, int k, int c) -> double {
+    return splats
+        .colours[(i * nerf::kHarmonics + static_cast<std::size_t>(k)) * 3 + static_cast<std::size_t>(c)];
+  };
+  AddVectorColumns(
+      "",
+      [&](std::size_t i) -> Eigen::Vector3d {
+        return target_from_scene * Eigen::Vector3f(&splats.places[3 * i]).cast<double>();
+      },
+      &columns);
+  AddVectorColumns(
+      "n", [](std::size_t) -> Eigen::Vector3d { return Eigen::Vector3d::Zero(); }, &columns);
+  for (const int c : {0, 1, 2}) add("f_dc_", c, [=](std::size_t i) { return colour(i, 0, c); });
+  for (const int c : {0, 1, 2}) {
+    for (const int k : {0, 1, 2})
+      add("f_rest_", 3 * c + k, [&, colour, c, k](std::size_t i) {
+        return TurnedHarmonics(
+            target_from_scene.rotation, colour(i, 1, c), colour(i, 2, c), colour(i, 3, c))[k];
+      });
   }
-  io::WriteFileAtomically(file, bytes);
+  columns.push_back({"opacity", PlyType::kFloat, [&](std::size_t i) { return splats.opacities[i]; }});
+  for (const int axis : {0, 1, 2}) {
+    add("scale_", axis, [&, axis](std::size_t i) {
+      return static_cast<double>(splats.log_scales[3 * i + static_cast<std::size_t>(axis)]) +
+             std::log(target_from_scene.scale);
+    });
+  }
+  const Eigen::Quaterniond turn(target_from_scene.rotation);
+  for (const int part : {0, 1, 2, 3}) {
+    add("rot_", part, [&, part](std::size_t i) {
+      const float* q = &splats.rotations[4 * i];
+      const Eigen::Quaterniond turned = turn * Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
+      return part == 0 ? turned.w() : turned.vec()[part - 1];
+    });
+  }
+  WritePlyTable(file, target, splats.size(), columns);
 }
 
 }  // namespace pipeline

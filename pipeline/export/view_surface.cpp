@@ -47,14 +47,13 @@ Vector3d NormalAt(const ViewSurface& view, double pixel_angle, int x, int y, flo
 
 }  // namespace
 
-ViewSurface MeasureSurface(const nerf::TrainedField& field,
-                           const nerf::SupportMap& support,
+ViewSurface MeasureSurface(const ExportedScene& scene,
                            const io::Camera& camera,
-                           const io::Rigid3d& world_from_cam,
-                           int threads) {
+                           const io::Rigid3d& world_from_cam) {
+  const int threads = scene.threads;
   // With one ray per pixel the median depth is a place on a surface, also at edges.
-  nerf::RenderedView rendered =
-      field.Render(camera, world_from_cam, {.threads = threads, .samples_per_pixel = 1});
+  nerf::RenderedView rendered = scene.field->Render(
+      camera, world_from_cam, {.threads = threads, .samples_per_pixel = 1, .limits = {.crop = scene.crop}});
   ViewSurface view{.width = camera.width, .height = camera.height, .rgb = std::move(rendered.rgb)};
   const std::size_t n = rendered.median_depth.size();
   view.rays.resize(n), view.distance.resize(n), view.normals.resize(n), view.support.resize(n);
@@ -71,7 +70,7 @@ ViewSurface MeasureSurface(const nerf::TrainedField& field,
       view.distance[i] = distance;
       const Vector3d point = world_from_cam.translation + static_cast<double>(distance) * view.rays[i];
       view.support[i] =
-          static_cast<std::uint16_t>(support.ViewsOf(point, world_from_cam.translation, pixel_angle));
+          static_cast<std::uint16_t>(scene.support->ViewsOf(point, world_from_cam.translation, pixel_angle));
     }
   });
   io::ParallelFor(height, threads, [&](std::size_t y) {

@@ -5,8 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "nerf/rendering/support_map.h"
-#include "nerf/rendering/trained_field.h"
+#include "pipeline/export/exported_scene.h"
 
 namespace pipeline {
 
@@ -23,11 +22,10 @@ struct ViewSurface {
   std::vector<float> rgb;              // [height][width][3], sRGB in [0, 1]
 };
 
-// Normals are those of planes through a pixel and its neighbours on the same surface. Throws io::Interrupted.
-ViewSurface MeasureSurface(const nerf::TrainedField& field,
-                           const nerf::SupportMap& support,
+// What lies in the crop box, where the scene has one. Normals are those of planes through a pixel and its
+// neighbours on the same surface. Needs scene.field. Throws io::Interrupted.
+ViewSurface MeasureSurface(const ExportedScene& scene,
                            const io::Camera& camera,
-                           const io::Rigid3d& world_from_cam,
-                           int threads);
+                           const io::Rigid3d& world_from_cam);
 
 }  // namespace pipeline

@@ -1,5 +1,6 @@
 // A field whose pictures are known in closed form, for tests of evaluation and film: a unit sphere at the
-// origin with a chequered surface, before a grey background.
+// origin with a chequered surface, before a grey background, or the one asked for in a crop box, which it
+// fills.
 #pragma once
 
 #include <algorithm>
@@ -39,8 +40,11 @@ class SphereField : public nerf::TrainedField {
         const bool dark =
             hit && (std::lround(5 * std::atan2(p.y(), p.x())) + std::lround(4 * p.z())) % 2 != 0;
         const float base = hit ? (dark ? 0.2f : 0.8f) : 0.55f;
-        for (const float tint : {1.f, 0.8f, 0.6f})
-          view.rgb.push_back(hit ? base * tint + shade_ : base + shade_);
+        constexpr float kTints[] = {1.f, 0.8f, 0.6f};
+        for (std::size_t c = 0; c < 3; ++c) {
+          const float around = options.limits.crop ? options.background[c] : base + shade_;
+          view.rgb.push_back(hit ? base * kTints[c] + shade_ : around);
+        }
         view.depth.push_back(static_cast<float>(t));
         view.median_depth.push_back(hit ? static_cast<float>(t) : std::numeric_limits<float>::infinity());
         view.opacity.push_back(hit ? 1.f : 0.f);
@@ -50,6 +54,9 @@ class SphereField : public nerf::TrainedField {
   }
 
   bool HasUnknownSpace() const override { return false; }
+  std::array<float, 3> Background(const std::array<float, 3>&) const override {
+    return {0.55f + shade_, 0.55f + shade_, 0.55f + shade_};
+  }
 
   mutable int n_renders = 0;
   mutable nerf::RenderOptions last_options;

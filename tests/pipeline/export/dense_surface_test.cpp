@@ -6,8 +6,7 @@
 #include "io/base/error.h"
 #include "io/scene/ply.h"
 #include "pipeline/export/points_export.h"
-#include "pipeline/export/splats_export.h"
-#include "tests/support/splat_renderer.h"
+#include "tests/support/sphere_export.h"
 
 namespace pipeline {
 namespace {
@@ -71,56 +70,6 @@ TEST_F(DenseSurfaceTest, PointsComeBackInTheTargetFrame) {
       ASSERT_NEAR(read[i].rgb[static_cast<std::size_t>(c)], 255 * surfel.rgb[c], 0.51);
     ASSERT_EQ(columns["support"][i], surfel.support);
   }
-}
-
-TEST_F(DenseSurfaceTest, SplatsAreFlatDiscsAcrossTheNormal) {
-  const TargetFrame target = MakeTargetFrame({.points_apart = "0,0,0,0,0,1=0.25"}, {});
-  ExportSplats(*surfels_, target, *dir_ / "metric.ply");
-  auto columns = tests::PlyColumns(*dir_ / "metric.ply");
-  EXPECT_EQ(columns.size(), 17u);
-  ASSERT_EQ(columns["x"].size(), surfels_->size());
-  for (std::size_t i = 0; i < surfels_->size(); ++i) {
-    const Eigen::Quaterniond turn(
-        columns["rot_0"][i], columns["rot_1"][i], columns["rot_2"][i], columns["rot_3"][i]);
-    ASSERT_NEAR(turn.norm(), 1, 1e-6);
-    const Eigen::Vector3d normal(columns["nx"][i], columns["ny"][i], columns["nz"][i]);
-    ASSERT_LT((turn * Eigen::Vector3d::UnitZ() - normal).norm(), 1e-5);
-    ASSERT_EQ(columns["scale_0"][i], columns["scale_1"][i]);
-    ASSERT_LT(columns["scale_2"][i], columns["scale_0"][i] - 1);
-    const double share = std::exp(columns["scale_0"][i]) / (0.25 * (*surfels_)[i].spacing);
-    ASSERT_TRUE(share > 0.05 && share < 2) << share;
-  }
-}
-
-TEST_F(DenseSurfaceTest, SplatsLookAsTheField) {
-  ExportSplats(*surfels_, scene_->target, *dir_ / "splats.ply");
-  const io::Rigid3d& pose = scene_->test.frames[0].world_from_cam;
-  const nerf::RenderedView splats = tests::RenderSplats(*dir_ / "splats.ply", scene_->test.cameras[0], pose),
-                           field = scene_->field->Render(scene_->test.cameras[0], pose, {});
-  // Away from the edges of the chequers, which the field renders without any smoothing.
-  const auto is_plain = [&](std::size_t x, std::size_t y) {
-    for (std::size_t v = y - 1; v <= y + 1; ++v) {
-      for (std::size_t u = x - 1; u <= x + 1; ++u)
-        if (field.rgb[3 * (v * 96 + u)] != field.rgb[3 * (y * 96 + x)]) return false;
-    }
-    return field.opacity[y * 96 + x] > 0;
-  };
-  double squares = 0;
-  int n = 0, n_holes = 0;
-  for (std::size_t y = 1; y < 71; ++y) {
-    for (std::size_t x = 1; x < 95; ++x) {
-      if (!is_plain(x, y)) continue;
-      const std::size_t pixel = y * 96 + x;
-      n_holes += splats.opacity[pixel] < 0.9f;
-      for (std::size_t c = 3 * pixel; c < 3 * pixel + 3; ++c, ++n)
-        squares += std::pow(static_cast<double>(splats.rgb[c] - field.rgb[c]), 2);
-    }
-  }
-  ASSERT_GT(n, 1000);
-  const double psnr_db = -10 * std::log10(squares / n);
-  EXPECT_GT(psnr_db, 22);
-  EXPECT_EQ(n_holes, 0);
-  RecordProperty("psnr_db", std::to_string(psnr_db));
 }
 
 }  // namespace

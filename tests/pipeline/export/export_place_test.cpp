@@ -7,7 +7,7 @@
 
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
-#include "pipeline/export/ply_bytes.h"
+#include "pipeline/export/ply_table.h"
 #include "tests/support/temp_dir.h"
 
 namespace pipeline {
@@ -33,7 +33,7 @@ TEST_F(ExportPlace, FilesOfOthersAreKept) {
                "not written",
                "--force");
   EXPECT_NO_THROW(RequireExportFile(file, {".ply"}, run_, true));
-  WriteText(file, PlyHeader(0, "", {"float x"}));
+  WritePlyTable(file, {}, 0, {});
   EXPECT_NO_THROW(RequireExportFile(file, {".ply"}, run_, false));
   WriteText(file, "");
   EXPECT_ERROR(RequireExportFile(file, {".ply"}, run_, false), ExitCode::kBadInput, "not written");

@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
 #include "io/base/error.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
@@ -43,6 +46,26 @@ class ExportCommand : public testing::Test {
     EXPECT_THAT(error_, HasSubstr(text));
     EXPECT_EQ(CountEntries(dir_.path()), 0) << text;
   }
+  // That of every training view in the folder d, as a place with x above `least`.
+  void ExpectDepthBeyond(double least) const {
+    const auto record = nlohmann::json::parse(ReadText(dir_ / "d/depth.json"));
+    const io::Scene scene = io::ReadTransforms(small_->path() / "scene/transforms_train.json").scene;
+    int n = 0;
+    for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+      const std::string name = record["frames"][i]["name"];
+      const cv::Mat depth = cv::imread((dir_ / "d/depth" / name).string(), cv::IMREAD_UNCHANGED);
+      for (int y = 0; y < depth.rows; ++y) {
+        for (int x = 0; x < depth.cols; ++x) {
+          if (depth.at<std::uint16_t>(y, x) == 0) continue;
+          const double z = record["scale"].get<double>() * depth.at<std::uint16_t>(y, x);
+          const Eigen::Vector3d ray = *io::RayFromImg(scene.cameras[0], {x + 0.5, y + 0.5});
+          EXPECT_GT((scene.frames[i].world_from_cam * Eigen::Vector3d(ray * (z / -ray.z()))).x(), least);
+          ++n;
+        }
+      }
+    }
+    EXPECT_GT(n, 100);
+  }
   std::string Path(const std::string& name) const { return (dir_ / name).string(); }
 
   static inline tests::SmallRun* small_ = nullptr;
@@ -57,6 +80,8 @@ TEST_F(ExportCommand, WritesAllKindsInOneCall) {
                  "--splats=" + Path("s.ply"),
                  "--mesh=" + Path("m.glb"),
                  "--max-points=2000",
+                 "--max-splats=1000",
+                 "--splat-steps=20",
                  "--threads=2",
                  "--points-apart=0,0,0,0,0,1=2"}),
             0)
@@ -72,28 +97,46 @@ TEST_F(ExportCommand, WritesAllKindsInOneCall) {
   for (const io::Point3D& point : points) radii.push_back(point.xyz.norm());
   std::nth_element(radii.begin(), radii.begin() + static_cast<long>(radii.size() / 2), radii.end());
   EXPECT_NEAR(radii[radii.size() / 2], 1.6, 0.25);
-  EXPECT_EQ(tests::PlyColumns(dir_ / "s.ply")["opacity"].size(), points.size());
-  EXPECT_THAT(output_,
-              HasSubstr("splats  " + Path("s.ply") + "  " + std::to_string(points.size()) + " points"));
+  const std::size_t n_splats = tests::PlyColumns(dir_ / "s.ply")["opacity"].size();
+  EXPECT_GT(n_splats, 100u);
+  EXPECT_LT(n_splats, 1100u);
+  EXPECT_THAT(output_, HasSubstr("splats  " + Path("s.ply") + "  " + std::to_string(n_splats) + " splats"));
 
   EXPECT_THAT(ReadText(dir_ / "m.glb").substr(0, 4), "glTF");
   ASSERT_EQ(Run({"--mesh=" + Path("m.glb")}), 0) << error_;  // over the first one
 
   // The same bytes for another number of threads, over the first files.
-  const std::string before = ReadText(dir_ / "p.ply");
-  ASSERT_EQ(
-      Run({"--points=" + Path("p.ply"), "--max-points=2000", "--threads=1", "--points-apart=0,0,0,0,0,1=2"}),
-      0)
+  const std::string points_before = ReadText(dir_ / "p.ply"), splats_before = ReadText(dir_ / "s.ply");
+  ASSERT_EQ(Run({"--points=" + Path("p.ply"),
+                 "--splats=" + Path("s.ply"),
+                 "--max-points=2000",
+                 "--max-splats=1000",
+                 "--splat-steps=20",
+                 "--threads=1",
+                 "--points-apart=0,0,0,0,0,1=2"}),
+            0)
       << error_;
-  EXPECT_EQ(ReadText(dir_ / "p.ply"), before);
+  EXPECT_EQ(ReadText(dir_ / "p.ply"), points_before);
+  EXPECT_EQ(ReadText(dir_ / "s.ply"), splats_before);
 }
 
-TEST_F(ExportCommand, ACropBoxCutsPointsAndMesh) {
+TEST_F(ExportCommand, ACropBoxCutsAllThatTheFieldShows) {
   WriteText(dir_ / "crop.json",
             R"({"crop": {"crop_center": [1, 0, 0], "crop_scale": [2, 4, 4],
                          "crop_bg_color": {"r": 0, "g": 0, "b": 0}}})");
-  ASSERT_EQ(Run({"--points=" + Path("p.ply"), "--mesh=" + Path("m.ply"), "--crop=" + Path("crop.json")}), 0)
+  ASSERT_EQ(Run({"--points=" + Path("p.ply"),
+                 "--mesh=" + Path("m.ply"),
+                 "--depth=" + Path("d"),
+                 "--splats=" + Path("s.ply"),
+                 "--max-splats=2000",
+                 "--splat-steps=0",
+                 "--crop=" + Path("crop.json")}),
+            0)
       << error_;
+  ExpectDepthBeyond(-0.1);
+  const auto splats = tests::PlyColumns(dir_ / "s.ply");
+  ASSERT_GT(splats.at("x").size(), 100u);
+  for (const double x : splats.at("x")) EXPECT_GE(x, -0.1);  // less a sampling interval
   for (const char* name : {"p.ply", "m.ply"}) {
     const std::vector<io::Point3D> points = io::ReadPly(dir_ / name);
     ASSERT_GT(points.size(), 100u);
@@ -102,7 +145,7 @@ TEST_F(ExportCommand, ACropBoxCutsPointsAndMesh) {
   WriteText(dir_ / "empty.json",
             R"({"crop": {"crop_center": [9, 0, 0], "crop_scale": [1, 1, 1],
                          "crop_bg_color": {"r": 0, "g": 0, "b": 0}}})");
-  for (const char* target : {"--points=", "--mesh="})
+  for (const char* target : {"--points=", "--mesh=", "--splats="})
     EXPECT_NE(Run({target + Path("none.ply"), "--crop=" + Path("empty.json")}), 0);
   EXPECT_FALSE(fs::exists(dir_ / "none.ply"));
 }
@@ -123,6 +166,8 @@ TEST_F(ExportCommand, OptionsAreCheckedBeforeAnyWork) {
   for (const std::string flag : {"--frame=world",
                                  "--points-apart=1,2,3=1",
                                  "--max-points=0",
+                                 "--max-splats=0",
+                                 "--splat-steps=-1",
                                  "--view-size=-1",
                                  "--view-size=16385",
                                  "--threads=-1",

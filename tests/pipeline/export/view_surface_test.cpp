@@ -12,7 +12,7 @@ TEST(ViewSurface, IsTheSphereWithItsNormals) {
   const TempDir dir;
   const ExportedScene scene = tests::SphereExport(dir.path());
   const io::Rigid3d& pose = scene.test.frames[0].world_from_cam;
-  const ViewSurface view = MeasureSurface(*scene.field, *scene.support, scene.test.cameras[0], pose, 2);
+  const ViewSurface view = MeasureSurface(scene, scene.test.cameras[0], pose);
   ASSERT_EQ(view.width, 96);
   ASSERT_EQ(view.distance.size(), 96u * 72u);
   EXPECT_EQ(view.rgb.size(), 3 * view.distance.size());
@@ -54,9 +54,10 @@ TEST(ViewSurface, PlanesDoNotReachOverEdges) {
     }
   };
   const TempDir dir;
-  const ExportedScene scene = tests::SphereExport(dir.path());
+  ExportedScene scene = tests::SphereExport(dir.path());
+  scene.field = std::make_unique<Steps>();
   const io::Rigid3d& pose = scene.train.frames[0].world_from_cam;
-  const ViewSurface view = MeasureSurface(Steps(), *scene.support, scene.train.cameras[0], pose, 1);
+  const ViewSurface view = MeasureSurface(scene, scene.train.cameras[0], pose);
   for (std::size_t i = 0; i < view.normals.size(); ++i) {
     ASSERT_GT(view.normals[i].cast<double>().dot(pose.rotation.col(2)), 0.9999);
     const int from_step = std::abs(2 * static_cast<int>(i % 96) - 95);  // 1: beside it

@@ -1,0 +1,174 @@
+#include "nerf/splatting/splat_rasteriser.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "nerf/kernels/kernels.h"
+#include "nerf/splatting/splat_projection.h"
+
+namespace nerf {
+namespace {
+
+using kernels::kTilePixels;
+using kernels::kTileSide;
+
+constexpr int kSplatsPerTask = 2048;
+
+// Calls work(begin, end) on pieces of n whose size does not depend on the threads.
+template <typename Work>
+void ForEachPiece(io::Workers* workers, std::size_t n, const Work& work) {
+  const auto tasks = static_cast<int>((n + kSplatsPerTask - 1) / kSplatsPerTask);
+  workers->Run(tasks, [&](int task, int) {
+    const std::size_t begin = static_cast<std::size_t>(task) * kSplatsPerTask;
+    work(begin, std::min(n, begin + kSplatsPerTask));
+  });
+}
+
+void Add(const kernels::BlendedSplatGradient& from, kernels::BlendedSplatGradient* sum) {
+  sum->x += from.x, sum->y += from.y, sum->opacity += from.opacity;
+  sum->a += from.a, sum->b += from.b, sum->c += from.c;
+  for (int i = 0; i < 3; ++i) sum->rgb[i] += from.rgb[i];
+}
+
+}  // namespace
+
+struct SplatRasteriser::Tile {
+  int x = 0, y = 0, x_end = 0, y_end = 0;  // pixels [x, x_end) x [y, y_end) of the picture
+  std::vector<kernels::BlendedSplat> splats;
+  std::vector<kernels::BlendedSplatGradient> gradients;
+  alignas(64) float rgb[3 * kTilePixels];
+  alignas(64) float transmittance[kTilePixels];
+
+  // Calls visit(pixel of the picture, pixel of the tile).
+  template <typename Visit>
+  void ForEachPixel(int width, const Visit& visit) const {
+    for (int v = y; v < y_end; ++v) {
+      for (int u = x; u < x_end; ++u)
+        visit(static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u),
+              (v - y) * kTileSide + u - x);
+    }
+  }
+};
+
+void SplatRasteriser::Place(const Splats& splats, const SplatView& view) {
+  placed_.resize(splats.size());
+  const SplatCamera camera(view);
+  ForEachPiece(workers_, splats.size(), [&](std::size_t begin, std::size_t end) {
+    SplatProjection projection;
+    for (std::size_t i = begin; i < end; ++i) {
+      placed_[i] = {};
+      if (!projection.Project(camera, splats, i)) continue;
+      placed_[i].blended = projection.blended();
+      placed_[i].depth = projection.depth();
+      TileLists::SetTiles(view.camera.width, view.camera.height, &placed_[i]);
+    }
+  });
+  lists_.Build(view.camera.width, view.camera.height, placed_);
+}
+
+void SplatRasteriser::BlendTile(int index, const io::Camera& camera, Tile* tile) {
+  const int across = TileLists::Across(camera.width);
+  tile->x = index % across * kTileSide, tile->y = index / across * kTileSide;
+  tile->x_end = std::min(camera.width, tile->x + kTileSide);
+  tile->y_end = std::min(camera.height, tile->y + kTileSide);
+  lists_.Sort(index);
+  tile->splats.clear();
+  for (const TileLists::Entry* entry = lists_.begin(index); entry != lists_.end(index); ++entry)
+    tile->splats.push_back(placed_[entry->splat].blended);
+  std::fill_n(tile->rgb, 3 * kTilePixels, 0.f);
+  std::fill_n(tile->transmittance, kTilePixels, 1.f);
+  kernels::ActiveKernels().blend_splats(tile->splats.data(),
+                                        static_cast<int>(tile->splats.size()),
+                                        tile->x,
+                                        tile->y,
+                                        tile->rgb,
+                                        tile->transmittance);
+}
+
+std::vector<float> SplatRasteriser::Render(const Splats& splats,
+                                           const SplatView& view,
+                                           const std::array<float, 3>& background) {
+  const io::Camera& camera = view.camera;
+  Place(splats, view);
+  std::vector<float> rgb(3 * static_cast<std::size_t>(camera.width) *
+                         static_cast<std::size_t>(camera.height));
+  std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
+  workers_->Run(lists_.n_tiles(), [&](int index, int thread) {
+    Tile& tile = tiles[static_cast<std::size_t>(thread)];
+    BlendTile(index, camera, &tile);
+    tile.ForEachPixel(camera.width, [&](std::size_t pixel, int at) {
+      for (std::size_t c = 0; c < 3; ++c)
+        rgb[3 * pixel + c] =
+            tile.rgb[static_cast<int>(c) * kTilePixels + at] + tile.transmittance[at] * background[c];
+    });
+  });
+  return rgb;
+}
+
+double SplatRasteriser::PullBackTile(int index,
+                                     const SplatTarget& target,
+                                     const std::array<float, 3>& background,
+                                     Tile* tile) {
+  const io::Camera& camera = target.view.camera;
+  const float scale = 2 / (3 * static_cast<float>(camera.width) * static_cast<float>(camera.height));
+  float rgb_gradient[3 * kTilePixels] = {}, to_come[kTilePixels] = {};
+  double squares = 0;
+  tile->ForEachPixel(camera.width, [&](std::size_t pixel, int at) {
+    const std::uint8_t* rgba = &target.rgba[4 * pixel];
+    const float free = 1 - static_cast<float>(rgba[3]) / 255;
+    for (int c = 0; c < 3; ++c) {
+      const float shown = background[static_cast<std::size_t>(c)];
+      const float colour = tile->rgb[c * kTilePixels + at] + tile->transmittance[at] * shown;
+      const float difference = colour - (static_cast<float>(rgba[c]) / 255 + free * shown);
+      squares += static_cast<double>(difference) * static_cast<double>(difference);
+      rgb_gradient[c * kTilePixels + at] = scale * difference;
+      to_come[at] += scale * difference * colour;
+    }
+  });
+  tile->gradients.resize(tile->splats.size());
+  kernels::ActiveKernels().blend_splats_gradient(tile->splats.data(),
+                                                 static_cast<int>(tile->splats.size()),
+                                                 tile->x,
+                                                 tile->y,
+                                                 rgb_gradient,
+                                                 to_come,
+                                                 tile->gradients.data());
+  const TileLists::Entry* entry = lists_.begin(index);
+  for (std::size_t i = 0; i < tile->gradients.size(); ++i) slots_[entry[i].slot] = tile->gradients[i];
+  return squares;
+}
+
+void SplatRasteriser::PullBackSplats(const Splats& splats, const SplatView& view, Splats* gradient) {
+  const SplatCamera camera(view);
+  ForEachPiece(workers_, splats.size(), [&](std::size_t begin, std::size_t end) {
+    SplatProjection projection;
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::uint32_t first = lists_.FirstSlot(i), n = placed_[i].n_tiles();
+      if (n == 0) continue;
+      kernels::BlendedSplatGradient sum = {};
+      for (std::uint32_t slot = first; slot < first + n; ++slot) Add(slots_[slot], &sum);
+      projection.Project(camera, splats, i);
+      projection.PullBack(sum, i, gradient);
+    }
+  });
+}
+
+double SplatRasteriser::Gradient(const Splats& splats,
+                                 const SplatTarget& target,
+                                 const std::array<float, 3>& background,
+                                 Splats* gradient) {
+  const io::Camera& camera = target.view.camera;
+  Place(splats, target.view);
+  slots_.resize(lists_.n_slots());
+  std::vector<double> squares(static_cast<std::size_t>(lists_.n_tiles()));
+  std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
+  workers_->Run(lists_.n_tiles(), [&](int index, int thread) {
+    Tile& tile = tiles[static_cast<std::size_t>(thread)];
+    BlendTile(index, camera, &tile);
+    squares[static_cast<std::size_t>(index)] = PullBackTile(index, target, background, &tile);
+  });
+  PullBackSplats(splats, target.view, gradient);
+  return std::accumulate(squares.begin(), squares.end(), 0.0) / (3.0 * camera.width * camera.height);
+}
+
+}  // namespace nerf

@@ -1,0 +1,56 @@
+// Pictures of splats on the blending kernels, and the gradient of their difference from a target: splats are
+// projected, listed by tile, sorted by depth and blended front to back (Kerbl et al. 2023).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "io/base/parallel.h"
+#include "nerf/splatting/splats.h"
+#include "nerf/splatting/tile_lists.h"
+
+namespace nerf {
+
+// What a view of the splats should look like.
+struct SplatTarget {
+  SplatView view;
+  std::vector<std::uint8_t> rgba;  // [height][width][4], sRGB times opacity, and opacity
+};
+
+// Reuses its memory from picture to picture. Results are the same for any number of threads.
+class SplatRasteriser {
+ public:
+  // workers must outlive this.
+  explicit SplatRasteriser(io::Workers* workers) : workers_(workers) {}
+
+  // [height][width][3], before a background of sRGB in [0, 1].
+  std::vector<float> Render(const Splats& splats,
+                            const SplatView& view,
+                            const std::array<float, 3>& background);
+
+  // The mean over pixels and channels of the squared difference, and its gradient: rows of splats that the
+  // view does not see are left as they are.
+  double Gradient(const Splats& splats,
+                  const SplatTarget& target,
+                  const std::array<float, 3>& background,
+                  Splats* gradient);
+
+ private:
+  struct Tile;
+  void Place(const Splats& splats, const SplatView& view);
+  void BlendTile(int index, const io::Camera& camera, Tile* tile);
+  // Fills the slots of a blended tile and returns its sum of squared differences.
+  double PullBackTile(int index,
+                      const SplatTarget& target,
+                      const std::array<float, 3>& background,
+                      Tile* tile);
+  void PullBackSplats(const Splats& splats, const SplatView& view, Splats* gradient);
+
+  io::Workers* workers_;
+  std::vector<PlacedSplat> placed_;
+  TileLists lists_;
+  std::vector<kernels::BlendedSplatGradient> slots_;
+};
+
+}  // namespace nerf

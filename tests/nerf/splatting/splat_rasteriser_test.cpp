@@ -1,0 +1,130 @@
+// The fast picture and its gradient against the plain one.
+#include "nerf/splatting/splat_rasteriser.h"
+
+#include <gtest/gtest.h>
+
+#include "nerf/splatting/plain_rasteriser.h"
+#include "tests/support/some_splats.h"
+
+namespace nerf {
+namespace {
+
+constexpr int kWidth = 53, kHeight = 38;  // no whole tiles
+
+TEST(SplatRasteriser, ShowsWhatThePlainOneShows) {
+  io::Workers workers(2);
+  SplatRasteriser rasteriser(&workers);
+  const SplatView view = tests::SomeView(kWidth, kHeight);
+  for (const std::size_t n : {0u, 1u, 700u}) {
+    const Splats splats = tests::SomeSplats(n);
+    const std::vector<float> fast = rasteriser.Render(splats, view, {0.25f, 0.5f, 0.75f});
+    const std::vector<double> plain = RenderPlainly(splats, view, {0.25, 0.5, 0.75});
+    ASSERT_EQ(fast.size(), plain.size());
+    double most = 0, mean = 0;
+    for (std::size_t i = 0; i < fast.size(); ++i) {
+      const double difference = std::abs(static_cast<double>(fast[i]) - plain[i]);
+      most = std::max(most, difference), mean += difference / static_cast<double>(fast.size());
+    }
+    // A splat may pass the threshold of 1 / 255 in one of them alone.
+    EXPECT_LT(most, 1.5 / 255) << n;
+    EXPECT_LT(mean, 1e-6) << n;
+  }
+}
+
+TEST(SplatRasteriser, SplatsBehindTheCameraAreNotSeen) {
+  io::Workers workers(1);
+  SplatRasteriser rasteriser(&workers);
+  Splats splats = tests::SomeSplats(40);
+  const SplatView view = tests::SomeView(kWidth, kHeight);
+  for (std::size_t i = 0; i < 40; ++i) {
+    const Eigen::Vector3d place =
+        view.world_from_cam * Eigen::Vector3d(0.01 * static_cast<double>(i), 0.1, i % 2 ? 1 : -0.1);
+    for (int c = 0; c < 3; ++c)
+      splats.places[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(place[c]);
+  }
+  for (const float value : rasteriser.Render(splats, view, {0.5f, 0.5f, 0.5f})) EXPECT_EQ(value, 0.5f);
+  for (const double value : RenderPlainly(splats, view, {0.5, 0.5, 0.5})) EXPECT_EQ(value, 0.5);
+}
+
+// A target that is half transparent.
+SplatTarget Target() {
+  SplatTarget target{tests::SomeView(kWidth, kHeight), {}};
+  for (std::size_t i = 0; i < kWidth * kHeight; ++i) {
+    for (const int value : {30, 60, 90, 128}) target.rgba.push_back(static_cast<std::uint8_t>(value + i % 7));
+  }
+  return target;
+}
+
+double PlainLoss(const Splats& splats, const SplatTarget& target, const std::array<double, 3>& background) {
+  const std::vector<double> rgb = RenderPlainly(splats, target.view, background);
+  double sum = 0;
+  for (std::size_t i = 0; i < rgb.size(); ++i) {
+    const std::uint8_t* rgba = &target.rgba[i / 3 * 4];
+    const double want = rgba[i % 3] / 255.0 + (1 - rgba[3] / 255.0) * background[i % 3];
+    sum += (rgb[i] - want) * (rgb[i] - want);
+  }
+  return sum / static_cast<double>(rgb.size());
+}
+
+TEST(SplatRasteriser, HasTheGradientOfThePlainLoss) {
+  io::Workers workers(2);
+  SplatRasteriser rasteriser(&workers);
+  const SplatTarget target = Target();
+  Splats splats = tests::SomeSplats(30), gradient;
+  // So far apart that no step below changes their order. The first one lies beyond the edge of the picture,
+  // where its projection is linearised no further.
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const double depth = 2 + 0.08 * static_cast<double>(i);
+    Eigen::Map<Eigen::Vector3f> place(&splats.places[3 * i]);
+    const Eigen::Vector3d in_cam(i == 0 ? 1.5 : place.x(), place.y(), -depth);
+    place = (target.view.world_from_cam * in_cam).cast<float>();
+  }
+  for (float& scale : splats.log_scales) scale += 0.7f;  // smooth over the steps below
+  gradient.resize(splats.size());
+  const double loss = rasteriser.Gradient(splats, target, {0.25f, 0.5f, 0.75f}, &gradient);
+  EXPECT_NEAR(loss, PlainLoss(splats, target, {0.25, 0.5, 0.75}), 1e-6);
+
+  const auto compare = [&](const char* what, auto* values, const auto& by_hand, double tolerance) {
+    double squares = 0, error = 0;
+    for (std::size_t i = 0; i < values->size(); ++i) {
+      const float before = (*values)[i], step = 8e-3f;
+      float &value = (*values)[i], high = before + step, low = before - step;
+      value = high;
+      const double loss_high = PlainLoss(splats, target, {0.25, 0.5, 0.75});
+      value = low;
+      const double loss_low = PlainLoss(splats, target, {0.25, 0.5, 0.75});
+      value = before;
+      const double want = (loss_high - loss_low) / (static_cast<double>(high) - static_cast<double>(low));
+      squares += want * want;
+      error += std::pow(static_cast<double>(by_hand[i]) - want, 2);
+    }
+    EXPECT_GT(squares, 0) << what;
+    // Splats pass the threshold of 1 / 255 within a step at a few pixels.
+    EXPECT_LT(std::sqrt(error / squares), tolerance) << what;
+  };
+  compare("places", &splats.places, gradient.places, 0.02);
+  compare("scales", &splats.log_scales, gradient.log_scales, 0.02);
+  compare("rotations", &splats.rotations, gradient.rotations, 0.02);
+  compare("opacities", &splats.opacities, gradient.opacities, 0.02);
+  compare("colours", &splats.colours, gradient.colours, 1e-3);
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_NE(gradient.places[c], 0);  // of the one aside
+}
+
+TEST(SplatRasteriser, ThreadsDoNotMatter) {
+  const SplatTarget target = Target();
+  const Splats splats = tests::SomeSplats(5000);
+  Splats first;
+  for (const int threads : {1, 3}) {
+    io::Workers workers(threads);
+    SplatRasteriser rasteriser(&workers);
+    Splats gradient;
+    gradient.resize(splats.size());
+    rasteriser.Gradient(splats, target, {0, 0, 0}, &gradient);
+    if (threads == 1) first = gradient;
+    EXPECT_EQ(gradient.places, first.places);
+    EXPECT_EQ(gradient.colours, first.colours);
+  }
+}
+
+}  // namespace
+}  // namespace nerf
