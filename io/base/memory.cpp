@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 // What no plan counts: fragments of the heap, and pages of libraries that are touched later.
 constexpr std::size_t kSlack = std::size_t{48} << 20;
 
-std::atomic<std::size_t> limit = SIZE_MAX;  // of LimitMemory
+std::atomic<std::size_t> memory_limit = SIZE_MAX;  // of LimitMemory
 
 // "VmRSS:  1024 kB" of a file in /proc, in bytes; 0 where it is missing.
 std::size_t ProcBytes(const char* file, const std::string& key) {
@@ -104,7 +104,7 @@ void LimitMemory(const MemoryBudget& budget, int threads) {
   rlimit stack;
   const bool has_stack = getrlimit(RLIMIT_STACK, &stack) == 0 && stack.rlim_cur != RLIM_INFINITY;
   const std::size_t stacks = has_stack ? static_cast<std::size_t>(threads) * stack.rlim_cur : 0;
-  limit = budget.bytes();
+  memory_limit = budget.bytes();
   rlimit data;
   if (getrlimit(RLIMIT_DATA, &data) != 0) return;
   data.rlim_cur = std::min<rlim_t>(
@@ -113,7 +113,8 @@ void LimitMemory(const MemoryBudget& budget, int threads) {
 }
 
 std::size_t MemoryLeftBytes() {
-  return limit == SIZE_MAX ? SIZE_MAX : limit - std::min<std::size_t>(limit, HeldMemoryBytes());
+  return memory_limit == SIZE_MAX ? SIZE_MAX
+                                  : memory_limit - std::min<std::size_t>(memory_limit, HeldMemoryBytes());
 }
 
 std::string MemoryText(std::size_t bytes) {
