@@ -12,15 +12,15 @@ namespace {
 using kernels::kTilePixels;
 using kernels::kTileSide;
 
-constexpr int kSplatsPerTask = 2048;
+constexpr int kSplatsPerPiece = 2048;
 
 // Calls work(begin, end) on pieces of n whose size does not depend on the threads.
 template <typename Work>
 void ForEachPiece(io::Workers* workers, std::size_t n, const Work& work) {
-  const auto tasks = static_cast<int>((n + kSplatsPerTask - 1) / kSplatsPerTask);
+  const auto tasks = static_cast<int>((n + kSplatsPerPiece - 1) / kSplatsPerPiece);
   workers->Run(tasks, [&](int task, int) {
-    const std::size_t begin = static_cast<std::size_t>(task) * kSplatsPerTask;
-    work(begin, std::min(n, begin + kSplatsPerTask));
+    const std::size_t begin = static_cast<std::size_t>(task) * kSplatsPerPiece;
+    work(begin, std::min(n, begin + kSplatsPerPiece));
   });
 }
 

@@ -9,12 +9,12 @@
 namespace nerf {
 namespace {
 
-constexpr int kWidth = 53, kHeight = 38;  // no whole tiles
+constexpr int kUnevenWidth = 53, kUnevenHeight = 38;  // no whole tiles
 
 TEST(SplatRasteriser, ShowsWhatThePlainOneShows) {
   io::Workers workers(2);
   SplatRasteriser rasteriser(&workers);
-  const SplatView view = tests::SomeView(kWidth, kHeight);
+  const SplatView view = tests::SomeView(kUnevenWidth, kUnevenHeight);
   for (const std::size_t n : {0u, 1u, 700u}) {
     const Splats splats = tests::SomeSplats(n);
     const std::vector<float> fast = rasteriser.Render(splats, view, {0.25f, 0.5f, 0.75f});
@@ -35,7 +35,7 @@ TEST(SplatRasteriser, SplatsBehindTheCameraAreNotSeen) {
   io::Workers workers(1);
   SplatRasteriser rasteriser(&workers);
   Splats splats = tests::SomeSplats(40);
-  const SplatView view = tests::SomeView(kWidth, kHeight);
+  const SplatView view = tests::SomeView(kUnevenWidth, kUnevenHeight);
   for (std::size_t i = 0; i < 40; ++i) {
     const Eigen::Vector3d place =
         view.world_from_cam * Eigen::Vector3d(0.01 * static_cast<double>(i), 0.1, i % 2 ? 1 : -0.1);
@@ -48,8 +48,8 @@ TEST(SplatRasteriser, SplatsBehindTheCameraAreNotSeen) {
 
 // A target that is half transparent.
 SplatTarget Target() {
-  SplatTarget target{tests::SomeView(kWidth, kHeight), {}};
-  for (std::size_t i = 0; i < kWidth * kHeight; ++i) {
+  SplatTarget target{tests::SomeView(kUnevenWidth, kUnevenHeight), {}};
+  for (std::size_t i = 0; i < kUnevenWidth * kUnevenHeight; ++i) {
     for (const int value : {30, 60, 90, 128}) target.rgba.push_back(static_cast<std::uint8_t>(value + i % 7));
   }
   return target;
