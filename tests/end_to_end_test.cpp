@@ -137,7 +137,7 @@ TEST_F(EndToEnd, KnownPosesEnterAtNormalize) {
   ASSERT_EQ(Run({Path("still_life/truth/transforms.json").string(),
                  "--out",
                  out.string(),
-                 "--time=3s",
+                 "--steps=300",
                  "--image-size=120",
                  "--frames-out=8"}),
             0)
