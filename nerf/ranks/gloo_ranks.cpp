@@ -7,6 +7,7 @@
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstdlib>
@@ -35,7 +36,7 @@ constexpr milliseconds kBeatEvery(250);
 constexpr std::chrono::seconds kVerdict(3);
 // Exchanges may take as long as another rank computes: whether it lives, the beats say.
 constexpr std::chrono::hours kForever(24 * 365);
-constexpr int kSizeTag = 1, kBytesTag = 2, kBeatTag = 3;
+constexpr int kHeadTag = 1, kRestTag = 2, kBeatTag = 3;
 
 enum class State : std::int32_t { kWorking, kLeft, kFailed };
 
@@ -44,6 +45,19 @@ struct Beat {
   State state = State::kWorking;
   std::int32_t lost = -1;  // the rank that it failed for
 };
+
+// How a message begins: few are longer, and each costs a round trip.
+constexpr std::size_t kHeadBytes = 120;
+struct Head {
+  std::uint64_t length = 0;
+  std::array<char, kHeadBytes> bytes{};
+};
+
+Head HeadOf(const std::string& bytes) {
+  Head head{.length = bytes.size(), .bytes = {}};
+  bytes.copy(head.bytes.data(), kHeadBytes);
+  return head;
+}
 
 class GlooRanks : public io::Ranks {
  public:
@@ -71,6 +85,8 @@ class GlooRanks : public io::Ranks {
   Transfer Post(int peer, void* data, std::size_t n, PostFunction post) const;
   Transfer Send(int peer, int tag, void* data, std::size_t n) const;
   Transfer Receive(int peer, int tag, void* data, std::size_t n) const;
+  void SendTo(int peer, Head* head, std::string* bytes, std::vector<Transfer>* sends) const;
+  void ReceiveRest(int peer, const Head& head, std::string* bytes, std::vector<Transfer>* receipts) const;
   static bool IsDone(const Transfer& transfer, milliseconds timeout);
   void Await(const std::vector<Transfer>& transfers);
   void Watch(int peer);
@@ -201,21 +217,18 @@ void GlooRanks::Await(const std::vector<Transfer>& transfers) {
 std::vector<std::string> GlooRanks::AllGather(std::string bytes) {
   const auto size = static_cast<std::size_t>(meeting_.size), own = static_cast<std::size_t>(meeting_.rank);
   std::vector<std::string> all(size);
-  std::vector<std::uint64_t> lengths(size, bytes.size());
+  std::vector<Head> heads(size, HeadOf(bytes));
   std::vector<Transfer> sends, receipts;
   for (std::size_t r = 0; r < size; ++r) {
     if (r == own) continue;
     const int peer = static_cast<int>(r);
-    receipts.push_back(Receive(peer, kSizeTag, &lengths[r], sizeof lengths[r]));
-    sends.push_back(Send(peer, kSizeTag, &lengths[own], sizeof lengths[own]));
-    if (!bytes.empty()) sends.push_back(Send(peer, kBytesTag, bytes.data(), bytes.size()));
+    receipts.push_back(Receive(peer, kHeadTag, &heads[r], sizeof heads[r]));
+    SendTo(peer, &heads[own], &bytes, &sends);
   }
   Await(receipts);
   receipts.clear();
   for (std::size_t r = 0; r < size; ++r) {
-    if (r == own || lengths[r] == 0) continue;
-    all[r].resize(lengths[r]);
-    receipts.push_back(Receive(static_cast<int>(r), kBytesTag, all[r].data(), all[r].size()));
+    if (r != own) ReceiveRest(static_cast<int>(r), heads[r], &all[r], &receipts);
   }
   Await(receipts);
   Await(sends);
@@ -224,19 +237,31 @@ std::vector<std::string> GlooRanks::AllGather(std::string bytes) {
 }
 
 void GlooRanks::Broadcast(std::string* bytes) {
-  std::uint64_t length = bytes->size();
+  Head head = HeadOf(*bytes);
+  std::vector<Transfer> transfers;
   if (meeting_.rank != 0) {
-    Await({Receive(0, kSizeTag, &length, sizeof length)});
-    bytes->resize(length);
-    if (length > 0) Await({Receive(0, kBytesTag, bytes->data(), length)});
-    return;
+    Await({Receive(0, kHeadTag, &head, sizeof head)});
+    ReceiveRest(0, head, bytes, &transfers);
+  } else {
+    for (int r = 1; r < meeting_.size; ++r) SendTo(r, &head, bytes, &transfers);
   }
-  std::vector<Transfer> sends;
-  for (int r = 1; r < meeting_.size; ++r) {
-    sends.push_back(Send(r, kSizeTag, &length, sizeof length));
-    if (length > 0) sends.push_back(Send(r, kBytesTag, bytes->data(), length));
-  }
-  Await(sends);
+  Await(transfers);
+}
+
+void GlooRanks::SendTo(int peer, Head* head, std::string* bytes, std::vector<Transfer>* sends) const {
+  sends->push_back(Send(peer, kHeadTag, head, sizeof *head));
+  if (bytes->size() > kHeadBytes)
+    sends->push_back(Send(peer, kRestTag, bytes->data() + kHeadBytes, bytes->size() - kHeadBytes));
+}
+
+void GlooRanks::ReceiveRest(int peer,
+                            const Head& head,
+                            std::string* bytes,
+                            std::vector<Transfer>* receipts) const {
+  bytes->assign(head.bytes.data(), std::min<std::size_t>(head.length, kHeadBytes));
+  bytes->resize(head.length);
+  if (head.length > kHeadBytes)
+    receipts->push_back(Receive(peer, kRestTag, bytes->data() + kHeadBytes, bytes->size() - kHeadBytes));
 }
 
 // The thread that exchanges signs of life with one rank, until one of both ends.

@@ -58,6 +58,16 @@ class Message {
   std::string_view bytes_;
 };
 
+// About as long as the message of a shard.
+template <typename Real>
+std::size_t Length(const HashShard<Real>& shard, std::size_t n_levels) {
+  constexpr std::size_t kMargin = 256;  // lengths and losses
+  return sizeof(float) * (3 * shard.samples.sorted.x.size() + 2 * shard.samples.visited_cell.size() +
+                          shard.weight_gradients.size()) +
+         sizeof(Real) * n_levels * shard.feature_gradient_stride +
+         sizeof(Vector6d) * shard.camera_gradients.size() + kMargin;
+}
+
 // Of the samples, what Scatter, VisitCells and TrainedCells::Mark read.
 template <typename Real>
 void AppendShard(const HashShard<Real>& shard, std::size_t n_levels, std::string* bytes) {
@@ -103,11 +113,14 @@ void ExchangeShards(const HashNetwork<Real>& network,
   io::Ranks& ranks = io::AllRanks();
   const int n = static_cast<int>(shards->size());
   const std::string state = fmt::format("{} {}", step, network.Hash());
-  std::string mine = state;
-  for (int s = io::FirstTask(n, ranks.rank(), ranks.size());
-       s < io::FirstTask(n, ranks.rank() + 1, ranks.size());
-       ++s)
-    AppendShard((*shards)[static_cast<std::size_t>(s)], n_levels, &mine);
+  std::size_t length = state.size();
+  const int first = io::FirstTask(n, ranks.rank(), ranks.size()),
+            last = io::FirstTask(n, ranks.rank() + 1, ranks.size());
+  for (int s = first; s < last; ++s) length += Length((*shards)[static_cast<std::size_t>(s)], n_levels);
+  std::string mine;
+  mine.reserve(length);
+  mine = state;
+  for (int s = first; s < last; ++s) AppendShard((*shards)[static_cast<std::size_t>(s)], n_levels, &mine);
   const std::vector<std::string> all = ranks.AllGather(std::move(mine));
   for (int r = 0; r < ranks.size(); ++r) {
     if (r == ranks.rank()) continue;

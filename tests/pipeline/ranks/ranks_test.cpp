@@ -19,6 +19,7 @@
 #include "io/image/image.h"
 #include "io/scene/transforms.h"
 #include "nerf/fields/checkpoint.h"
+#include "nerf/kernels/kernels.h"
 #include "tests/support/look_at.h"
 #include "tests/support/temp_dir.h"
 
@@ -87,6 +88,7 @@ class Ranks : public testing::Test {
                                       "WORLD_SIZE=" + std::to_string(size),
                                       "MASTER_ADDR=127.0.0.1",
                                       "MASTER_PORT=" + std::to_string(port_),
+                                      "PIPELINE_SIMD=" + kernels_[rank],
                                       Program(stage).string(),
                                       "--out=" + run.string(),
                                       "--threads=1"};
@@ -138,21 +140,29 @@ class Ranks : public testing::Test {
 
   TempDir dir_;
   int port_ = 0;
+  std::map<int, std::string> kernels_;  // that a rank is told to use; else its best
 };
 
-TEST_F(Ranks, SeveralWriteTheBytesOfOne) {
+TEST_F(Ranks, SeveralWriteTheBytesOfOneWithTheKernelsThatAllHave) {
   const fs::path one = Copy("one"), three = Copy("three");
+  kernels_[0] = "avx2";
   Run(1, one, "train", {"--steps=70"});  // a rebuild of the occupancy grid among them
+  kernels_ = {{1, "avx2"}};
   Run(3, three, "train", {"--steps=70"});
   EXPECT_EQ(Trained(three), Trained(one));
-  EXPECT_THAT(Said(0), HasSubstr("3 ranks with"));
+  EXPECT_THAT(Said(0), HasSubstr("pipeline: 3 ranks with "));
+  if (nerf::kernels::FindKernels("avx512")) {
+    EXPECT_THAT(Said(0), HasSubstr("avx2 kernels, the best that all of them have"));
+  }
   EXPECT_EQ(Said(1), "");
 
   fs::copy(
       one / "train", three / "train", fs::copy_options::recursive | fs::copy_options::overwrite_existing);
   for (const auto& [stage, options] : std::map<std::string, std::vector<std::string>>{
            {"evaluate", {}}, {"render", {"--frames=5", "--size=32"}}}) {
+    kernels_ = {{0, "avx2"}};
     Run(1, one, stage, options);
+    kernels_ = {{2, "avx2"}};
     Run(3, three, stage, options);
     const auto products = Products(one / stage);
     EXPECT_GT(products.size(), 5u);
