@@ -15,8 +15,9 @@ struct SplatQuality {
   double apart_db = 0;                 // splats and field
 };
 
-// Of the test views at the photos' size, by nerf/splatting/plain_rasteriser.h. Nothing without such views or
-// with a crop box. Needs scene.field. Throws kBadInput for photos that cannot be read, and io::Interrupted.
+// Of at most 16 test views, evenly spread, at the photos' size, by nerf/splatting/plain_rasteriser.h. Nothing
+// without such views or with a crop box. Needs scene.field. Throws kBadInput for photos that cannot be read,
+// and io::Interrupted.
 std::optional<SplatQuality> MeasureSplats(const ExportedScene& scene, const nerf::Splats& splats);
 
 }  // namespace pipeline
