@@ -7,8 +7,7 @@
 namespace pipeline {
 
 struct SplatSceneOptions {
-  int view_size =
-      512;  // longer side of the pictures that they are fitted to [px]; 0: as the training pictures
+  int view_size = 512;  // longer side of the pictures fitted to [px]; 0: that of the training pictures
   int max_splats = 200000;
   int steps = 1000;  // of one picture each
 };
