@@ -63,7 +63,7 @@ void AddExportOptions(Options* options, ExportOptions* to) {
       "cameras", &to->cameras, "FOLDER: poses, pictures, sparse points for COLMAP, nerfstudio, NeRF");
   options->Add("points", &to->points, "FILE.ply: points of the surface, with normal, colour and support");
   options->Add("depth", &to->depth, "FOLDER: depth, normals and support of every view");
-  options->Add("splats", &to->splats, "FILE.ply: the scene as 3D Gaussians, fitted to the field");
+  options->Add("splats", &to->splats, "FILE.ply: the scene as 3D Gaussians, fitted to the photos");
   options->Add("mesh", &to->mesh, "FILE.glb or FILE.ply: the surface as triangles, with normals and colours");
   options->Add("page", &to->page, "FILE.html: the field to look around in, in any browser and offline");
   options->Add("frame",
@@ -83,12 +83,11 @@ void AddExportOptions(Options* options, ExportOptions* to) {
       "hold what lies inside");
   options->Add("max-points", &to->surface.max_points, "most points of the surface", {.min = 1, .max = 1e8});
   options->Add("max-splats", &to->splats_from.max_splats, "most splats, nearly", {.min = 1, .max = 1e8});
-  options->Add(
-      "splat-steps",
-      &to->splats_from.steps,
-      "steps in which splats are fitted to the field's pictures; more are better and take longer; 0 = as "
-      "they lie on the surface",
-      {.min = 0, .max = 1e6});
+  options->Add("splat-steps",
+               &to->splats_from.steps,
+               "steps in which splats are fitted to pictures; more are better and take longer; 0 = as "
+               "they lie on the surface",
+               {.min = 0, .max = 1e6});
   options->Add("max-triangles", &to->max_triangles, "most triangles of the mesh", {.min = 1000, .max = 1e8});
   options->Add("view-size",
                &to->surface.view_size,

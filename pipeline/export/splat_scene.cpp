@@ -13,6 +13,7 @@
 #include "nerf/splatting/splat_optimizer.h"
 #include "pipeline/export/point_spacing.h"
 #include "pipeline/export/view_surface.h"
+#include "pipeline/stages/evaluation.h"
 
 namespace pipeline {
 namespace {
@@ -63,6 +64,7 @@ class SplatViews {
       for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) put(picture.rgb[c]);
       put(limits_.crop ? picture.opacity[i] : 1);
     }
+    if (!limits_.crop) ShowPhoto(index, &target);
     return target;
   }
 
@@ -88,6 +90,19 @@ class SplatViews {
   }
 
  private:
+  // Puts the photo where its mask uses it.
+  void ShowPhoto(std::size_t index, nerf::SplatTarget* target) const {
+    const int width = target->view.camera.width, height = target->view.camera.height;
+    Truth truth = ReadTruth(scene_.train.frames[index]);
+    if (truth.picture.width != width || truth.picture.height != height) {
+      truth.picture = io::ResizeArea(truth.picture, width, height);
+      if (!truth.mask.used.empty()) truth.mask = io::ShrinkMask(truth.mask, width, height);
+    }
+    for (std::size_t i = 0; i < target->rgba.size() / 4; ++i) {
+      if (truth.mask.Uses(i)) std::copy_n(&truth.picture.data[3 * i], 3, &target->rgba[4 * i]);
+    }
+  }
+
   const ExportedScene& scene_;
   std::vector<nerf::SplatView> views_;
   std::vector<io::Camera> surface_cameras_;

@@ -1,4 +1,4 @@
-// A trained field as splats: begun on the surfaces that its views show, then fitted to its pictures.
+// A trained field as splats: begun on the surfaces that its views show, then fitted to pictures.
 #pragma once
 
 #include "nerf/splatting/splats.h"
@@ -7,17 +7,16 @@
 namespace pipeline {
 
 struct SplatSceneOptions {
-  int view_size =
-      512;  // longer side of the pictures that they are fitted to [px]; 0: as the training pictures
+  int view_size = 512;  // longer side of the pictures fitted to [px]; 0: that of the training pictures
   int max_splats = 200000;
   int steps = 1000;  // of one picture each
 };
 
-// The field's pictures from the training views are the aim, not the photos: they agree with one another, in
-// exposure too, and have no missing pixels. Where rays leave the scene without a surface, splats show the
-// sky; in a crop box, or where the background of the pictures is free or plain, what lets light pass stays
-// transparent. In scene coordinates; fewer splats where pixels are fewer. Needs scene.field. Throws kBadState
-// when the views show nothing, and io::Interrupted.
+// The aim are the photos of the training views where their masks use them, else the field's pictures of these
+// views; with a crop box, or where the background of the pictures is free or plain, the field's pictures of
+// what lies inside, and what lets light pass stays transparent. Where rays leave the scene without a surface,
+// splats show the sky. In scene coordinates; fewer splats where pixels are fewer. Needs scene.field. Throws
+// kBadState when the views show nothing, kBadInput for photos that cannot be read, and io::Interrupted.
 nerf::Splats MakeSplats(const ExportedScene& scene, const SplatSceneOptions& options);
 
 }  // namespace pipeline

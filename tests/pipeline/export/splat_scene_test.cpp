@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
+#include "io/image/mask.h"
+#include "nerf/splatting/plain_rasteriser.h"
 #include "pipeline/export/splat_quality.h"
 #include "tests/support/sphere_export.h"
 
@@ -80,6 +82,25 @@ TEST(SplatScene, SkyIsFarAndFreeSpaceStaysEmpty) {
     ASSERT_NEAR(Eigen::Vector3f(&sky.places[3 * i]).norm(), 300, 5);
   scene.field = std::make_unique<EmptyField>(false);
   EXPECT_ERROR(MakeSplats(scene, {.steps = 0}), io::ExitCode::kBadState, "show no surface");
+}
+
+TEST(SplatScene, PhotosAreTheAimWhereTheirMasksUseThem) {
+  // Photos are black, the field is grey; the right half of the picture is masked.
+  const TempDir dir;
+  ExportedScene scene = tests::SphereExport(dir.path());
+  scene.field = std::make_unique<EmptyField>(true);
+  io::Mask mask{.width = 96, .height = 72, .used = std::vector<std::uint8_t>(96 * 72)};
+  for (std::size_t i = 0; i < mask.used.size(); ++i) mask.used[i] = i % 96 < 48 ? 255 : 0;
+  io::WriteMask(dir / "mask.png", mask);
+  scene.train.frames.resize(1);
+  scene.train.frames[0].mask_path = dir / "mask.png";
+  const nerf::Splats splats = MakeSplats(scene, {.view_size = 48, .max_splats = 4000, .steps = 150});
+  const std::vector<double> rgb = nerf::RenderPlainly(
+      splats, {scene.train.cameras[0], scene.train.frames[0].world_from_cam}, {0.5, 0.5, 0.5});
+  double left = 0, right = 0;
+  for (std::size_t i = 0; i < rgb.size(); ++i) (i / 3 % 96 < 48 ? left : right) += 2 * rgb[i] / rgb.size();
+  EXPECT_LT(left, 0.2);
+  EXPECT_NEAR(right, 0.55, 0.1);
 }
 
 }  // namespace
