@@ -11,9 +11,9 @@
 #include "io/base/random.h"
 #include "io/scene/decomposition.h"
 #include "nerf/splatting/splat_optimizer.h"
+#include "pipeline/evaluation/evaluation.h"
 #include "pipeline/export/point_spacing.h"
 #include "pipeline/export/view_surface.h"
-#include "pipeline/stages/evaluation.h"
 
 namespace pipeline {
 namespace {
