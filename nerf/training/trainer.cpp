@@ -61,22 +61,16 @@ class Trainer {
         folder_(folder),
         kind_(kTrainingKinds[static_cast<std::size_t>(options.field.kind)]),
         workers_(options.threads),
-        dataset_(LoadPictures()),
+        dataset_(LoadDataset(scene, options.threads, options.field.PixelOffset())),
         curve_(folder / "curve.csv") {}
 
   TrainReport Run();
 
  private:
-  Dataset LoadPictures() const;
   void Begin();
   void MakeField();
   void MakeTraining();
   double Progress(double elapsed_s) const { return progress_.At(state_.step, elapsed_s); }
-  // For pictures and field.
-  void RequireMemory(std::size_t picture_bytes, bool has_alpha) const {
-    options_.memory.Require(picture_bytes + TrainedFieldBytes(options_, has_alpha),
-                            fmt::format("training on {} pictures", scene_.frames.size()));
-  }
   double NextProgress();
   void Step(double progress);
   void Skip(const std::string& fault);
@@ -118,12 +112,6 @@ class Trainer {
   std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
 };
 
-Dataset Trainer::LoadPictures() const {
-  const int channels = StoredChannels(scene_);
-  RequireMemory(PictureBytes(CountPixels(scene_), channels), channels == 4);
-  return LoadDataset(scene_, options_.threads, options_.field.PixelOffset());
-}
-
 void Trainer::MakeTraining() {
   if (kind_.drops_idle_pixels && dataset_.channels == 4) {
     DropPixelsBesideHull(
@@ -154,8 +142,7 @@ void Trainer::MakeField() {
 void Trainer::Begin() {
   const bool had_alpha = dataset_.channels == 4;
   MarkPlainBackground(&dataset_, options_.memory);
-  if (dataset_.channels == 4 && !had_alpha)
-    RequireMemory(PictureBytes(dataset_.n_pixels(), 4) - dataset_.pixels.size(), true);
+  if (dataset_.channels == 4 && !had_alpha) RequireHullMemory(dataset_, options_);
   if (dataset_.channels == 3) dataset_.depths = SparseDepths(scene_, dataset_);
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   if (io::FromFirst(std::filesystem::exists(checkpoint))) {
@@ -342,6 +329,7 @@ TrainReport Train(const io::Scene& scene,
                   const TrainOptions& options,
                   const std::filesystem::path& folder) {
   PIPELINE_CHECK_GT(options.threads, 0);
+  RequireTrainingMemory(scene, options);
   return Trainer(scene, heldout, options, folder).Run();
 }
 

@@ -1,5 +1,7 @@
 #include "nerf/training/training_memory.h"
 
+#include <fmt/format.h>
+
 #include "nerf/kernels/kernels.h"
 
 namespace nerf {
@@ -24,6 +26,19 @@ std::size_t TrainedFieldBytes(const TrainOptions& options, bool has_alpha) {
       schedule.entry_moments ? sizeof(float) * table / kernels::kFeatures : 2 * sizeof(float) * table;
   const std::size_t gradients = static_cast<std::size_t>(options.threads) * level * sizeof(float);
   return table * (sizeof(float) + sizeof(kernels::Bf16)) + moments + gradients + kHashBytes;
+}
+
+void RequireTrainingMemory(const io::Scene& scene, const TrainOptions& options) {
+  const int channels = StoredChannels(scene);
+  options.memory.Require(
+      PictureBytes(CountPixels(scene), channels) + TrainedFieldBytes(options, channels == 4),
+      fmt::format("training on {} pictures", scene.frames.size()));
+}
+
+void RequireHullMemory(const Dataset& dataset, const TrainOptions& options) {
+  options.memory.Require(
+      PictureBytes(dataset.n_pixels(), 4) - dataset.pixels.size() + TrainedFieldBytes(options, true),
+      fmt::format("training on {} pictures", dataset.views.size()));
 }
 
 }  // namespace nerf

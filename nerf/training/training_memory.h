@@ -3,6 +3,8 @@
 
 #include <cstddef>
 
+#include "io/scene/scene.h"
+#include "nerf/data/dataset.h"
 #include "nerf/training/train_options.h"
 
 namespace nerf {
@@ -14,5 +16,11 @@ std::size_t PictureBytes(std::size_t n_pixels, int channels);
 // Bytes of the field with its moments, of its gradients and of the batch. Tables are counted as if all were
 // full; the `nerf` field is LibTorch's.
 std::size_t TrainedFieldBytes(const TrainOptions& options, bool has_alpha);
+
+// Throw kNoResources with the figure when options.memory does not suffice: for the pictures of a scene,
+// before they are read, and the field; for hull and field, once the pictures have turned out to have a
+// background.
+void RequireTrainingMemory(const io::Scene& scene, const TrainOptions& options);
+void RequireHullMemory(const Dataset& dataset, const TrainOptions& options);
 
 }  // namespace nerf

@@ -150,6 +150,16 @@ TEST_F(ExportCommand, ACropBoxCutsAllThatTheFieldShows) {
   EXPECT_FALSE(fs::exists(dir_ / "none.ply"));
 }
 
+// Turned by an eighth, the box lies beside the ball, but the box along the axes that holds it does not.
+TEST_F(ExportCommand, WhatATurnedBoxLeavesOutIsNoMesh) {
+  WriteText(dir_ / "turned.json",
+            R"({"crop": {"crop_center": [1, 1, 0], "crop_scale": [0.6, 2.4, 1], "crop_rot": [0, 0, 0.785398],
+                         "crop_bg_color": {"r": 0, "g": 0, "b": 0}}})");
+  EXPECT_EQ(Run({"--mesh=" + Path("none.ply"), "--crop=" + Path("turned.json")}), 3) << error_;
+  EXPECT_THAT(error_, HasSubstr("no surface lies in the crop box"));
+  EXPECT_FALSE(fs::exists(dir_ / "none.ply"));
+}
+
 TEST_F(ExportCommand, WritesAPageAndReplacesOnlyItsOwn) {
   for (int i = 0; i < 2; ++i) {
     ASSERT_EQ(Run({"--page=" + Path("scene.html")}), 0) << error_;

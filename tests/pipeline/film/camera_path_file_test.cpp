@@ -112,6 +112,7 @@ TEST(CameraPathFile, RefusesWhatCannotBeFilmed) {
   refused(with("\"camera_type\": \"fisheye\""), "camera_type");
   refused(with("\"crop\": {}"), "crop");
   refused(with("\"crop\": " + Crop("[0,0]", "[1,1,1]")), "crop_center");
+  refused(with("\"crop\": " + Crop("[0,0,0,0]", "[1,1,1]")), "crop_center");
   refused(with("\"crop\": " + Crop("[0,0,0]", "[1,0,1]")), "crop_scale");
   refused(with("\"crop\": " + Crop("[0,0,0]", "[1,1,1]", "[0,0,9]")), "crop_rot");
   EXPECT_NO_THROW(ParseCameraPath(with("\"crop\": null, \"camera_type\": \"perspective\""), "p"));
