@@ -2,16 +2,18 @@
 
 #include <ATen/ops/from_blob.h>
 #include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
 #include <torch/csrc/distributed/c10d/PrefixStore.hpp>
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstdlib>
 #include <functional>
+#include <future>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -20,6 +22,7 @@
 #include "io/base/hash.h"
 #include "io/base/interrupt.h"
 #include "nerf/ranks/local_address.h"
+#include "nerf/ranks/messages.h"
 #include "nerf/ranks/patience.h"
 
 namespace nerf {
@@ -36,27 +39,18 @@ constexpr milliseconds kBeatEvery(250);
 constexpr std::chrono::seconds kVerdict(3);
 // Exchanges may take as long as another rank computes: whether it lives, the beats say.
 constexpr std::chrono::hours kForever(24 * 365);
+constexpr int kDeviceNiceness = 10;
 constexpr int kHeadTag = 1, kRestTag = 2, kBeatTag = 3;
 
-enum class State : std::int32_t { kWorking, kLeft, kFailed };
-
-// What ranks tell one another all the time.
-struct Beat {
-  State state = State::kWorking;
-  std::int32_t lost = -1;  // the rank that it failed for
-};
-
-// How a message begins: few are longer, and each costs a round trip.
-constexpr std::size_t kHeadBytes = 120;
-struct Head {
-  std::uint64_t length = 0;
-  std::array<char, kHeadBytes> bytes{};
-};
-
-Head HeadOf(const std::string& bytes) {
-  Head head{.length = bytes.size(), .bytes = {}};
-  bytes.copy(head.bytes.data(), kHeadBytes);
-  return head;
+// The device's thread spins while another one holds the lock of a connection, and can keep that one from the
+// processor meanwhile: it yields instead. Threads inherit their niceness.
+std::shared_ptr<gloo::transport::Device> MakeDevice(const std::string& address) {
+  return std::async(std::launch::async,
+                    [&] {
+                      setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kDeviceNiceness);
+                      return c10d::ProcessGroupGloo::createDeviceForHostname(address);
+                    })
+      .get();
 }
 
 class GlooRanks : public io::Ranks {
@@ -153,7 +147,7 @@ void GlooRanks::Meet(Patience* patience) {
   }
   patience->WaitFor("connections to all ranks");
   const auto gloo = c10d::ProcessGroupGloo::Options::create(kForever);
-  gloo->devices = {c10d::ProcessGroupGloo::createDeviceForHostname(LocalAddress(meeting_.address))};
+  gloo->devices = {MakeDevice(LocalAddress(meeting_.address))};
   gloo->threads = 1;
   group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(
       c10::make_intrusive<c10d::PrefixStore>("gloo", store_), meeting_.rank, meeting_.size, gloo);
@@ -249,9 +243,11 @@ void GlooRanks::Broadcast(std::string* bytes) {
 }
 
 void GlooRanks::SendTo(int peer, Head* head, std::string* bytes, std::vector<Transfer>* sends) const {
-  sends->push_back(Send(peer, kHeadTag, head, sizeof *head));
+  // The rest first: whoever waits for it asks when the head is there, and the device's thread then sends it.
+  // Sent by this thread it would keep a connection's lock for as long.
   if (bytes->size() > kHeadBytes)
     sends->push_back(Send(peer, kRestTag, bytes->data() + kHeadBytes, bytes->size() - kHeadBytes));
+  sends->push_back(Send(peer, kHeadTag, head, sizeof *head));
 }
 
 void GlooRanks::ReceiveRest(int peer,
