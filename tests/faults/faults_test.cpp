@@ -13,9 +13,7 @@
 
 #include "io/base/error.h"
 #include "io/base/process.h"
-#include "io/image/image.h"
-#include "io/scene/transforms.h"
-#include "tests/support/look_at.h"
+#include "tests/support/small_capture.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
@@ -23,7 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using Files = std::map<std::string, std::string>;  // contents by name
 
-constexpr int kSide = 24, kViews = 9;
 constexpr double kRunLimit_s = 60;  // an idle machine needs less than one
 
 struct Stage {
@@ -57,27 +54,6 @@ const std::vector<Fault>& Faults() {
                                             {"sync", "power"},
                                             {"rename", "power"}};
   return faults;
-}
-
-// A picture that differs from view to view and has something to learn in it.
-void WritePictures(const fs::path& folder) {
-  io::Scene scene;
-  scene.cameras = {{.width = kSide, .height = kSide, .fl_x = kSide, .fl_y = kSide, .cx = 12, .cy = 12}};
-  for (int v = 0; v < kViews; ++v) {
-    io::Image image = io::MakeImage(kSide, kSide, 3);
-    for (std::size_t i = 0; i < image.data.size(); ++i)
-      image.data[i] = static_cast<std::uint8_t>((i / 3 % kSide / 4 + i / 3 / kSide / 4) % 2 * 150 +
-                                                10 * static_cast<std::size_t>(v) + i % 3 * 8);
-    const fs::path path = folder / "images" / ("view" + std::to_string(v) + ".png");
-    io::WriteImage(path, image);
-    const double turn = 2 * EIGEN_PI * v / kViews;
-    scene.frames.push_back({path,
-                            0,
-                            LookAt({4 * std::cos(turn), 4 * std::sin(turn), 1},
-                                   Eigen::Vector3d::Zero(),
-                                   Eigen::Vector3d::UnitZ())});
-  }
-  io::WriteTransforms(folder / "transforms.json", scene, "");
 }
 
 // A checkpoint's header states the time that training took.
@@ -122,7 +98,7 @@ class FaultRuns : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     dir_ = std::make_unique<TempDir>();
-    WritePictures(*dir_ / "capture");
+    tests::WriteSmallCapture(*dir_ / "capture");
   }
   static void TearDownTestSuite() { dir_.reset(); }
 

@@ -1,3 +1,4 @@
+// How far a run is by steps or by time, and how it winds down when it is asked to end.
 #include "nerf/training/training_progress.h"
 
 #include <gtest/gtest.h>

@@ -16,11 +16,9 @@
 
 #include "io/base/error.h"
 #include "io/base/process.h"
-#include "io/image/image.h"
-#include "io/scene/transforms.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/kernels/kernels.h"
-#include "tests/support/look_at.h"
+#include "tests/support/small_capture.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
@@ -29,35 +27,12 @@ namespace fs = std::filesystem;
 using io::ExitCode;
 using testing::HasSubstr;
 
-constexpr int kSide = 24, kViews = 9;
-
 fs::path Program(const std::string& stage) { return fs::path(BINARY_DIR) / "bin" / ("pipeline-" + stage); }
-
-// A picture that differs from view to view and has something to learn in it.
-void WritePictures(const fs::path& folder) {
-  io::Scene scene;
-  scene.cameras = {{.width = kSide, .height = kSide, .fl_x = kSide, .fl_y = kSide, .cx = 12, .cy = 12}};
-  for (int v = 0; v < kViews; ++v) {
-    io::Image image = io::MakeImage(kSide, kSide, 3);
-    for (std::size_t i = 0; i < image.data.size(); ++i)
-      image.data[i] = static_cast<std::uint8_t>((i / 3 % kSide / 4 + i / 3 / kSide / 4) % 2 * 150 +
-                                                10 * static_cast<std::size_t>(v) + i % 3 * 8);
-    const fs::path path = folder / "images" / ("view" + std::to_string(v) + ".png");
-    io::WriteImage(path, image);
-    const double turn = 2 * EIGEN_PI * v / kViews;
-    scene.frames.push_back({path,
-                            0,
-                            LookAt({4 * std::cos(turn), 4 * std::sin(turn), 1},
-                                   Eigen::Vector3d::Zero(),
-                                   Eigen::Vector3d::UnitZ())});
-  }
-  io::WriteTransforms(folder / "transforms.json", scene, "");
-}
 
 class Ranks : public testing::Test {
  protected:
   Ranks() {
-    WritePictures(dir_ / "pictures");
+    tests::WriteSmallCapture(dir_ / "pictures");
     EXPECT_EQ(io::RunProcess({Program("normalize"),
                               "--out=" + (dir_ / "run").string(),
                               "--poses=" + (dir_ / "pictures/transforms.json").string(),
