@@ -13,7 +13,7 @@
 
 #include "io/base/error.h"
 #include "io/base/process.h"
-#include "tests/support/small_capture.h"
+#include "tests/support/learnable_views.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
@@ -98,7 +98,7 @@ class FaultRuns : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     dir_ = std::make_unique<TempDir>();
-    tests::WriteSmallCapture(*dir_ / "capture");
+    tests::WriteLearnableViews(*dir_ / "capture");
   }
   static void TearDownTestSuite() { dir_.reset(); }
 

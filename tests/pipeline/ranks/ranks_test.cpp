@@ -18,7 +18,7 @@
 #include "io/base/process.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/kernels/kernels.h"
-#include "tests/support/small_capture.h"
+#include "tests/support/learnable_views.h"
 #include "tests/support/temp_dir.h"
 
 namespace {
@@ -32,7 +32,7 @@ fs::path Program(const std::string& stage) { return fs::path(BINARY_DIR) / "bin"
 class Ranks : public testing::Test {
  protected:
   Ranks() {
-    tests::WriteSmallCapture(dir_ / "pictures");
+    tests::WriteLearnableViews(dir_ / "pictures");
     EXPECT_EQ(io::RunProcess({Program("normalize"),
                               "--out=" + (dir_ / "run").string(),
                               "--poses=" + (dir_ / "pictures/transforms.json").string(),
