@@ -6,6 +6,7 @@
 
 #include "io/base/error.h"
 #include "io/scene/transforms.h"
+#include "pipeline/export/export_place.h"
 #include "pipeline/stage/hash_tree.h"
 #include "pipeline/stages/trained_scene.h"
 
