@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "io/base/error.h"
+#include "io/base/memory.h"
 #include "io/base/owned_folder.h"
 
 namespace io {
@@ -101,9 +102,11 @@ std::string ReadFile(const std::filesystem::path& path, std::size_t max_bytes) {
   if (error || size > max_bytes) {
     throw Error(ExitCode::kBadInput, fmt::format("{}: larger than {} bytes", path.string(), max_bytes));
   }
+  errno = 0;
   std::ifstream in(path, std::ios::binary);
   std::string bytes(size, '\0');
   if (!in.read(bytes.data(), static_cast<std::streamsize>(size))) {
+    ThrowIfMemoryWasRefused();
     throw Error(ExitCode::kBadInput, path.string() + ": cannot be read");
   }
   return bytes;

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
+#include <new>
 #include <optional>
 #include <sstream>
 
@@ -115,6 +117,10 @@ void LimitMemory(const MemoryBudget& budget, int threads) {
 std::size_t MemoryLeftBytes() {
   return memory_limit == SIZE_MAX ? SIZE_MAX
                                   : memory_limit - std::min<std::size_t>(memory_limit, HeldMemoryBytes());
+}
+
+void ThrowIfMemoryWasRefused() {
+  if (errno == ENOMEM) throw std::bad_alloc();
 }
 
 std::string MemoryText(std::size_t bytes) {

@@ -43,6 +43,10 @@ void LimitMemory(const MemoryBudget& budget, int threads);
 // What LimitMemory leaves to another process now; SIZE_MAX without a limit.
 std::size_t MemoryLeftBytes();
 
+// Throws std::bad_alloc where errno says that memory was refused. Libraries that fail for lack of it often
+// say no more than that they failed: set errno to 0 before the call and ask afterwards.
+void ThrowIfMemoryWasRefused();
+
 // "1.5 GiB", "300 MiB".
 std::string MemoryText(std::size_t bytes);
 

@@ -25,6 +25,16 @@ struct Workers::State {
   bool stop = false;
   std::exception_ptr error;
 
+  // Here and not in ~Workers, which is not called where one of the threads cannot start.
+  ~State() {
+    {
+      const std::lock_guard lock(mutex);
+      stop = true;
+    }
+    start.notify_all();
+    for (std::thread& thread : threads) thread.join();
+  }
+
   void Work(int thread) {
     try {
       for (int i = next++; i < n_tasks; i = next++) (*task)(i, thread);
@@ -51,17 +61,11 @@ struct Workers::State {
 };
 
 Workers::Workers(int n_threads) : state_(std::make_unique<State>()) {
-  for (int i = 1; i < n_threads; ++i) state_->threads.emplace_back([this, i] { state_->Loop(i); });
+  for (int i = 1; i < n_threads; ++i)
+    state_->threads.emplace_back([state = state_.get(), i] { state->Loop(i); });
 }
 
-Workers::~Workers() {
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->stop = true;
-  }
-  state_->start.notify_all();
-  for (std::thread& thread : state_->threads) thread.join();
-}
+Workers::~Workers() = default;
 
 int Workers::n_threads() const { return static_cast<int>(state_->threads.size()) + 1; }
 

@@ -1,18 +1,17 @@
 #include "io/image/grey_png.h"
 
-#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 #include <vector>
 
 #include "io/base/atomic_file.h"
 #include "io/base/check.h"
+#include "io/image/opencv_encode.h"
 
 namespace io {
 namespace {
 
 void Write(const std::filesystem::path& path, const cv::Mat& grey) {
-  std::vector<std::uint8_t> bytes;
-  PIPELINE_CHECK(cv::imencode(".png", grey, bytes));
+  const std::vector<std::uint8_t> bytes = EncodeWithOpenCv(".png", grey);
   WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 

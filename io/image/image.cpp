@@ -6,8 +6,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "io/base/atomic_file.h"
-#include "io/base/check.h"
 #include "io/image/media_type.h"
+#include "io/image/opencv_encode.h"
 #include "io/image/photo_codecs.h"
 
 namespace io {
@@ -39,11 +39,7 @@ Image ReadImage(const std::filesystem::path& path) {
 std::vector<std::uint8_t> EncodeImage(const Image& image, const char* extension) {
   cv::Mat bgr;
   cv::cvtColor(ToMat(image), bgr, image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
-  std::vector<std::uint8_t> bytes;
-  const bool written =
-      cv::imencode(extension, bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, 3, cv::IMWRITE_JPEG_QUALITY, 95});
-  PIPELINE_CHECK(written);
-  return bytes;
+  return EncodeWithOpenCv(extension, bgr, {cv::IMWRITE_PNG_COMPRESSION, 3, cv::IMWRITE_JPEG_QUALITY, 95});
 }
 
 void WriteImage(const std::filesystem::path& path, const Image& image) {

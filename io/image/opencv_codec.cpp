@@ -1,10 +1,11 @@
+#include <cerrno>
 #include <cstdint>
-#include <new>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "io/base/error.h"
+#include "io/base/memory.h"
 #include "io/image/media_type.h"
 #include "io/image/photo_codecs.h"
 
@@ -126,13 +127,14 @@ Image DecodeWithOpenCv(std::string_view file, std::vector<std::string>* notes) {
   }
 
   cv::Mat mat;
+  errno = 0;
   try {
     const cv::Mat bytes(1, static_cast<int>(file.size()), CV_8U, const_cast<char*>(file.data()));
     mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);  // applies no EXIF orientation of other kinds
-  } catch (const cv::Exception& error) {
-    if (error.code == cv::Error::StsNoMem) throw std::bad_alloc();
+  } catch (const cv::Exception&) {
   }
   if (mat.empty()) {
+    ThrowIfMemoryWasRefused();
     Refuse(type == MediaType::kUnknown ? "cannot be read as a picture"
                                        : std::string("truncated or damaged ") + MediaTypeName(type));
   }

@@ -116,7 +116,7 @@ void WriteJson(const fs::path& json_path, const Json& json) {
 
 void WriteTransforms(const fs::path& json_path, const Scene& scene, const std::string& ply_name) {
   const bool is_shared = IsShared(scene);
-  Json json;
+  Json json = Json::object();
   json["camera_model"] = "OPENCV";
   if (is_shared) AddIntrinsics(CameraOf(scene, scene.frames[0]), &json);
   if (!ply_name.empty()) json["ply_file_path"] = ply_name;
@@ -124,7 +124,7 @@ void WriteTransforms(const fs::path& json_path, const Scene& scene, const std::s
   if ((scene.aabb.min.array() < scene.aabb.max.array()).all()) json["pipeline"] = PipelineJson(scene);
   Json& frames = json["frames"] = Json::array();
   for (const Frame& frame : scene.frames) {
-    Json entry;
+    Json entry = Json::object();
     entry["file_path"] = RelativePath(json_path, frame.image_path);
     if (!frame.mask_path.empty()) entry["mask_path"] = RelativePath(json_path, frame.mask_path);
     if (!is_shared) AddIntrinsics(CameraOf(scene, frame), &entry);
@@ -136,7 +136,7 @@ void WriteTransforms(const fs::path& json_path, const Scene& scene, const std::s
 
 void WriteBlenderTransforms(const fs::path& json_path, const Scene& scene) {
   const bool is_shared = IsShared(scene);
-  Json json;
+  Json json = Json::object();
   if (is_shared) {
     const Camera& camera = CameraOf(scene, scene.frames[0]);
     if (IsStatedByAngle(camera))
@@ -147,7 +147,7 @@ void WriteBlenderTransforms(const fs::path& json_path, const Scene& scene) {
   Json& frames = json["frames"] = Json::array();
   for (const Frame& frame : scene.frames) {
     PIPELINE_CHECK(frame.image_path.extension() == ".png");
-    Json entry;
+    Json entry = Json::object();
     entry["file_path"] = "./" + RelativePath(json_path, fs::path(frame.image_path).replace_extension());
     if (!is_shared) AddIntrinsics(CameraOf(scene, frame), &entry);
     entry["transform_matrix"] = MatrixJson(frame.world_from_cam);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <cmath>
 #include <cstdlib>
 #include <opencv2/core.hpp>
@@ -9,6 +10,7 @@
 
 #include "io/base/disk_room.h"
 #include "io/base/error.h"
+#include "io/base/memory.h"
 #include "io/base/process.h"
 #include "io/image/image.h"
 
@@ -46,7 +48,11 @@ double MeanDifference(const cv::Mat& bgr, const Image& image) {
 std::string FaultOfVideo(const fs::path& mp4, const fs::path& folder, int frames) {
   const Image first = ReadImage(folder / VideoFrameName(0));
   cv::VideoCapture capture;
-  if (!capture.open(mp4.string(), cv::CAP_FFMPEG)) return "the product cannot be opened";
+  errno = 0;
+  if (!capture.open(mp4.string(), cv::CAP_FFMPEG)) {
+    ThrowIfMemoryWasRefused();
+    return "the product cannot be opened";
+  }
   int decoded = 0;
   for (cv::Mat bgr; capture.read(bgr); ++decoded) {
     if (bgr.cols != first.width || bgr.rows != first.height || bgr.type() != CV_8UC3) {
@@ -57,6 +63,7 @@ std::string FaultOfVideo(const fs::path& mp4, const fs::path& folder, int frames
     }
   }
   if (decoded == frames) return "";
+  ThrowIfMemoryWasRefused();
   return fmt::format("the product has {} frames instead of {}", decoded, frames);
 }
 

@@ -144,7 +144,7 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
 void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state) {
   const SceneContraction& contraction = scene_field->contraction;
   const SamplerOptions& sampling = scene_field->sampler_options;
-  Json header;
+  Json header = Json::object();
   header["map"] = {{"x", contraction.centre[0]},
                    {"y", contraction.centre[1]},
                    {"z", contraction.centre[2]},

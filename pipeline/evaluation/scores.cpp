@@ -61,7 +61,7 @@ std::vector<int> Scores::WorstFirst() const {
 }
 
 void WriteScores(const Scores& scores, const fs::path& folder) {
-  Json json;
+  Json json = Json::object();
   json["protocol"] = scores.protocol;
   json["resolution"] = {scores.width, scores.height};
   json["background"] = scores.white_background ? kOnWhite : "none";

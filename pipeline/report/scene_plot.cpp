@@ -59,7 +59,7 @@ std::string ScenePlotJson(const fs::path& run_folder) {
     return axes.transpose() * (p - path.capture.focus) / path.distance;
   };
 
-  Json json;
+  Json json = Json::object();
   const auto add_cameras = [&](const io::Scene& scene, const char* name) {
     json[name] = Json::array();
     for (const io::Frame& frame : scene.frames) {

@@ -23,17 +23,35 @@ using io::ExitCode;
 
 namespace {
 
-// Where a destructor finds no memory there is nobody to catch it: the process ends as a killed one would, but
-// with the code that says why.
-[[noreturn]] void EndAtOnce() {
+thread_local bool memory_was_refused = false;  // to this thread
+
+[[noreturn]] void NoteRefusal() {
+  memory_was_refused = true;
+  throw std::bad_alloc();
+}
+
+// Whether it is for lack of memory that the process must end.
+bool MemoryIsLacking() {
   try {
     if (std::current_exception()) throw;
   } catch (const std::bad_alloc&) {
+    return true;
+  } catch (...) {
+    return false;
+  }
+  // A noexcept function that GCC before 14 compiled, as those of libstdc++ that walk folders, ends the
+  // process before it names the exception.
+  return memory_was_refused && std::uncaught_exceptions() > 0;
+}
+
+// Where a destructor finds no memory there is nobody to catch it: the process ends as a killed one would, but
+// with the code that says why.
+[[noreturn]] void EndAtOnce() {
+  if (MemoryIsLacking()) {
     constexpr std::string_view kWords =
         "error E6: out of memory. Use smaller pictures or fewer of them, or a larger --memory\n";
     [[maybe_unused]] const ssize_t n = write(STDERR_FILENO, kWords.data(), kWords.size());
     _exit(static_cast<int>(ExitCode::kNoResources));
-  } catch (...) {
   }
   std::abort();
 }
@@ -55,6 +73,7 @@ int GuardedMain(const std::string& program, const std::function<void()>& body) {
   };
   try {
     KeepStandardStreams();
+    std::set_new_handler(NoteRefusal);
     std::set_terminate(EndAtOnce);
     io::InstallInterruptHandlers();
     body();

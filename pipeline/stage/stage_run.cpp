@@ -193,7 +193,7 @@ void StageRun::Finish() {
   HashTree(partial_, {}, &output_hashes);
   const double wall_s = stopwatch_.seconds();
 
-  Json record;
+  Json record = Json::object();
   record["stage"] = stage_name_;
   record["status"] = "done";
   record["wall_s"] = wall_s;

@@ -11,7 +11,7 @@ void WriteMovedCameras(const std::filesystem::path& path, const std::vector<nerf
   for (const nerf::MovedCamera& camera : cameras) {
     const Eigen::Matrix3d& r = camera.world_from_cam.rotation;
     const Eigen::Vector3d& t = camera.world_from_cam.translation;
-    nlohmann::json rows;
+    nlohmann::json rows = nlohmann::json::array();
     for (int i = 0; i < 3; ++i) rows.push_back({r(i, 0), r(i, 1), r(i, 2), t[i]});
     rows.push_back({0, 0, 0, 1});
     frames.push_back({{"name", camera.name}, {"moved_px", camera.motion_px}, {"transform_matrix", rows}});

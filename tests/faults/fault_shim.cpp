@@ -25,6 +25,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 extern "C" {
@@ -264,6 +265,13 @@ int pthread_create(pthread_t* thread,
   if (Fails("thread")) return EAGAIN;
   return Next<int(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*)>("pthread_create")(
       thread, attributes, body, argument);
+}
+
+// OpenCV calls it with its first picture; for lack of memory GDAL itself aborts, or reads null. Not counted.
+void GDALAllRegister() {
+  const bool was_inside = std::exchange(inside, true);
+  Next<void()>("GDALAllRegister")();
+  inside = was_inside;
 }
 
 void* malloc(size_t n) {

@@ -31,7 +31,7 @@ const std::vector<Stage>& Stages() {
   static const std::vector<Stage> stages = {{"ingest", {"IMAGES"}},
                                             {"normalize", {"--poses", "POSES", "--image-size=0"}},
                                             {"train", {"--steps=20", "--threads=2"}},
-                                            {"evaluate", {}},
+                                            {"evaluate", {"--threads=3"}},
                                             {"render", {"--frames=4", "--size=16"}},
                                             {"report", {}}};
   return stages;
