@@ -19,10 +19,12 @@ using io::Error;
 using io::ExitCode;
 using Json = nlohmann::json;
 
-constexpr char kMagic[] = "NERFCKP7";
+constexpr char kMagic[] = "NERFCKP8";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
 constexpr std::size_t kMaxHeader = 1 << 20;
 constexpr std::size_t kMaxCameraValues = 1 << 24;
+// Of a splat: place, scales, rotation, opacity, colours.
+constexpr std::size_t kSplatBytes = (3 + 3 + 4 + 1 + 3 * kHarmonics) * sizeof(float);
 constexpr std::size_t kMaxFile = std::size_t{8} << 30;
 static_assert(std::endian::native == std::endian::little, "tensors are stored little endian");
 
@@ -34,10 +36,17 @@ struct Entry {
   std::string_view view() const { return {data, bytes}; }
 };
 
-std::vector<Entry> Entries(SceneField* scene_field, std::span<float> cameras) {
+std::vector<Entry> Entries(SceneField* scene_field, TrainState* state) {
   std::vector<Entry> entries;
   const auto add = [&](const std::string& name, auto values) {
     entries.push_back({name, reinterpret_cast<char*>(values.data()), values.size_bytes()});
+  };
+  const auto add_splats = [&](const std::string& name, Splats* splats) {
+    add(name + "places", std::span(splats->places));
+    add(name + "log_scales", std::span(splats->log_scales));
+    add(name + "rotations", std::span(splats->rotations));
+    add(name + "opacities", std::span(splats->opacities));
+    add(name + "colours", std::span(splats->colours));
   };
   for (const Tensor& tensor : scene_field->field->State()) add(tensor.name, tensor.values);
   if (auto* hash = dynamic_cast<HashField*>(scene_field->field.get()))
@@ -45,7 +54,13 @@ std::vector<Entry> Entries(SceneField* scene_field, std::span<float> cameras) {
   add("occupancy", std::span(scene_field->grid.density()));
   // Rebuilt only every few steps, so not a function of the densities at this one.
   add("occupancy_distance", std::span(scene_field->grid.distance()));
-  if (!cameras.empty()) add("cameras", cameras);
+  if (!state->cameras.empty()) add("cameras", std::span(state->cameras));
+  if (scene_field->splats.size() > 0) add_splats("splat_", &scene_field->splats);
+  if (SplatMoments& moments = state->splats.moments; !moments.empty()) {
+    add("splat_sizes", std::span(moments.sizes));
+    add_splats("splat_m_", &moments.m);
+    add_splats("splat_v_", &moments.v);
+  }
   return entries;
 }
 
@@ -139,6 +154,27 @@ std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, cons
   return std::make_unique<MlpField>(values);
 }
 
+// Makes room for the tensors as well, which a file of this size can hold.
+void ReadSplatState(const std::filesystem::path& path,
+                    const Json& header,
+                    std::uintmax_t file_size,
+                    SceneField* scene_field,
+                    SplatState* state) {
+  const auto number = Get<std::size_t>(path, header, "number", 0, file_size / kSplatBytes);
+  scene_field->splats.resize(number);
+  scene_field->splat_focal_px = Get(path, header, "focal_px", 1e-3f, 1e9f);
+  scene_field->splat_share = Get(path, header, "share", 0.f, 1.f);
+  state->step = Get<std::uint64_t>(path, header, "step", 0, ~0ull);
+  state->error_ratio = Get(path, header, "error_ratio", 0.0, 1e12);
+  state->is_judged = Get(path, header, "judged", 0, 1) == 1;
+  state->begin_s = Get(path, header, "begin_s", 0.0, 1e12);
+  state->squared_error = Get(path, header, "squared_error", -1.0, 1e12);
+  state->moments = {};
+  if (Get(path, header, "unfinished", 0, 1) == 0) return;
+  state->moments.sizes.resize(number);
+  state->moments.m.resize(number), state->moments.v.resize(number);
+}
+
 }  // namespace
 
 void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field, const TrainState& state) {
@@ -171,9 +207,19 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                      {"restarts", state.restarts},
                      {"squared_error", state.squared_error},
                      {"channels", state.channels},
+                     {"field_s", state.field_s},
                      {"camera_values", state.cameras.size()}};
-  std::vector<float> cameras = state.cameras;
-  const std::vector<Entry> entries = Entries(scene_field, cameras);
+  header["splats"] = {{"number", scene_field->splats.size()},
+                      {"focal_px", scene_field->splat_focal_px},
+                      {"share", scene_field->splat_share},
+                      {"unfinished", state.splats.moments.empty() ? 0 : 1},
+                      {"step", state.splats.step},
+                      {"judged", state.splats.is_judged ? 1 : 0},
+                      {"error_ratio", state.splats.error_ratio},
+                      {"begin_s", state.splats.begin_s},
+                      {"squared_error", state.splats.squared_error}};
+  TrainState copy = state;  // that entries can refer to
+  const std::vector<Entry> entries = Entries(scene_field, &copy);
   for (const Entry& entry : entries) {
     header["tensors"].push_back(
         {{"name", entry.name}, {"bytes", entry.bytes}, {"hash", io::HashBytes(entry.view())}});
@@ -218,6 +264,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->restarts = Get(path, t, "restarts", 0, 1 << 20);
   state->squared_error = Get(path, t, "squared_error", -1.0, 1e12);
   state->channels = Get(path, t, "channels", 3, 4);
+  state->field_s = Get(path, t, "field_s", 0.0, 1e12);
   state->cameras.resize(Get<std::size_t>(path, t, "camera_values", 0, kMaxCameraValues));
 
   auto scene_field =
@@ -230,8 +277,9 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
     scene_field->background = {
         Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};
   }
+  ReadSplatState(path, header["splats"], file.size, scene_field.get(), &state->splats);
   std::size_t index = 0;
-  const std::vector<Entry> entries = Entries(scene_field.get(), state->cameras);
+  const std::vector<Entry> entries = Entries(scene_field.get(), state);
   if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())
     Reject(path, "header lists other tensors");
   for (const Entry& entry : entries) {

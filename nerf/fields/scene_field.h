@@ -13,6 +13,7 @@
 #include "nerf/fields/mlp_field.h"
 #include "nerf/sampling/occupancy_grid.h"
 #include "nerf/sampling/sampler.h"
+#include "nerf/splatting/splats.h"
 
 namespace nerf {
 
@@ -44,6 +45,10 @@ struct SceneField {
   int samples_per_pixel = 1;
   // Of opaque pictures that share one (plain_background.h), sRGB in [0, 1].
   std::optional<std::array<float, 3>> background;
+  // Fitted to photographs, and mixed into pictures (rendering/splat_mixing.h); may be none.
+  Splats splats;
+  float splat_focal_px = 1;  // of the pictures that they were fitted to
+  float splat_share = 0.5f;  // in pictures; the field has the rest
 };
 
 // Overrides of what is otherwise derived from the scene; 0 keeps the derivation.

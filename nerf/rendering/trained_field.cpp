@@ -2,6 +2,7 @@
 
 #include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/ray_renderer.h"
+#include "nerf/rendering/splat_mixing.h"
 
 namespace nerf {
 namespace {
@@ -43,10 +44,14 @@ class CheckpointTrainedField : public TrainedField {
       }
       band.clear();
     }
+    if (options.splats && options.limits.AreOpen())
+      MixSplats(*scene_field_, camera, world_from_cam, &workers, &view.rgb);
     return view;
   }
 
   bool HasUnknownSpace() const override { return state_.channels != 4 && !scene_field_->background; }
+
+  const Splats& splats() const override { return scene_field_->splats; }
 
   std::array<float, 3> Background(const std::array<float, 3>& wanted) const override {
     return scene_field_->Background(state_.channels == 4, wanted);

@@ -9,6 +9,7 @@
 
 #include "io/scene/scene.h"
 #include "nerf/rendering/ray_limits.h"
+#include "nerf/splatting/splats.h"
 
 namespace nerf {
 
@@ -28,6 +29,9 @@ struct RenderOptions {
   // Where rays end: with a distance, the opacity is that of what lies nearer; with a box, that of what lies
   // inside, before `background`.
   RayLimits limits;
+  // Whether the scene's splats, if it has any, are in the colours; not where rays are limited. Depth and
+  // opacity are the field's.
+  bool splats = true;
 };
 
 struct RenderedView {
@@ -61,6 +65,12 @@ class TrainedField {
   // Whether what no picture shows was left open in training, so that anything may be there: opaque pictures
   // without a plain background. Otherwise it is background.
   virtual bool HasUnknownSpace() const = 0;
+
+  // In scene coordinates; none where training fitted none.
+  virtual const Splats& splats() const {
+    static const Splats kNone;
+    return kNone;
+  }
 
   // sRGB in [0, 1], shown where rays leave the scene: `wanted` where it is free.
   virtual std::array<float, 3> Background(const std::array<float, 3>& wanted) const { return wanted; }

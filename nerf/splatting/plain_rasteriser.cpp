@@ -26,16 +26,19 @@ Seen Project(const Splats& splats, std::size_t i, const SplatView& view) {
       Eigen::Map<const Eigen::Vector3f>(&splats.log_scales[3 * i]).cast<double>().array().exp();
   const float* q = &splats.rotations[4 * i];
   const Eigen::Quaterniond turn = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
-  const double limit_x = kMaxSlopeShare * 0.5 * camera.width / camera.fl_x,
-               limit_y = kMaxSlopeShare * 0.5 * camera.height / camera.fl_y;
-  const double slope_x = std::clamp(p.x() / p.z(), -limit_x, limit_x),
-               slope_y = std::clamp(p.y() / p.z(), -limit_y, limit_y);
+  const double margin = kSlopeMargin * camera.width;
+  const double slope_x = std::clamp(p.x() / p.z(),
+                                    (-camera.cx - margin) / camera.fl_x,
+                                    (camera.width - camera.cx + margin) / camera.fl_x),
+               slope_y = std::clamp(p.y() / p.z(),
+                                    (-camera.cy - margin) / camera.fl_y,
+                                    (camera.height - camera.cy + margin) / camera.fl_y);
   Eigen::Matrix<double, 2, 3> jacobian;
   jacobian << camera.fl_x / p.z(), 0, -camera.fl_x * slope_x / p.z(),  //
       0, camera.fl_y / p.z(), -camera.fl_y * slope_y / p.z();
   const Eigen::Matrix<double, 2, 3> axes =
       jacobian * cam_from_world.rotation * turn.toRotationMatrix() * sigma.asDiagonal();
-  const Eigen::Matrix2d covariance = axes * axes.transpose() + kLowPass * Eigen::Matrix2d::Identity(),
+  const Eigen::Matrix2d covariance = axes * axes.transpose() + view.low_pass * Eigen::Matrix2d::Identity(),
                         precision = covariance.inverse();
   Seen seen{p.z(), {}};
   seen.blended.x = camera.fl_x * p.x() / p.z() + camera.cx;

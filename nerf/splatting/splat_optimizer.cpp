@@ -7,7 +7,6 @@
 #include "io/base/error.h"
 #include "io/base/interrupt.h"
 #include "io/base/random.h"
-#include "nerf/kernels/kernels.h"
 
 namespace nerf {
 namespace {
@@ -22,111 +21,115 @@ constexpr std::size_t kSplatsPerTask = 4096;
 // Steps that the PSNR shown is the mean of.
 constexpr int kShownSteps = 50;
 
-// Values that share a rate, with Adam's moments.
+// Values that share a rate.
 struct Block {
   float rate;
   std::size_t width;  // values per splat
-  std::vector<float>*values, *gradients;
-  std::vector<float> m = std::vector<float>(values->size()), v = m;
+  std::vector<float>*values, *gradients, *m, *v;
 };
-
-class SplatAdam {
- public:
-  SplatAdam(int threads, Splats* splats)
-      : splats_(splats), first_places_(splats->places), moves_(splats->places.size()), workers_(threads) {
-    gradient_.resize(splats->size());
-    for (std::size_t i = 0; i < splats->size(); ++i) {
-      const float* scales = &splats->log_scales[3 * i];
-      sizes_.push_back(std::exp(std::max({scales[0], scales[1], scales[2]})));
-    }
-    blocks_.push_back({kPlaceRate, 3, &moves_, &gradient_.places});
-    blocks_.push_back({kScaleRate, 3, &splats->log_scales, &gradient_.log_scales});
-    blocks_.push_back({kRotationRate, 4, &splats->rotations, &gradient_.rotations});
-    blocks_.push_back({kOpacityRate, 1, &splats->opacities, &gradient_.opacities});
-    blocks_.push_back({kColourRate, 3 * kHarmonics, &splats->colours, &gradient_.colours});
-  }
-
-  // Step number `step`, from 0 on. Returns the mean squared error before it.
-  double Step(const SplatTarget& target,
-              const std::array<float, 3>& background,
-              int step,
-              double rate_share) {
-    const double mse = rasteriser_.Gradient(*splats_, target, background, &gradient_);
-    const kernels::AdamStep adam{.learning_rate = static_cast<float>(rate_share),
-                                 .beta1 = kBeta1,
-                                 .beta2 = kBeta2,
-                                 .correction1 = 1 / (1 - std::pow(kBeta1, static_cast<float>(step + 1))),
-                                 .correction2 = 1 / (1 - std::pow(kBeta2, static_cast<float>(step + 1)))};
-    const std::size_t n = splats_->size(), n_tasks = (n + kSplatsPerTask - 1) / kSplatsPerTask;
-    workers_.Run(static_cast<int>(n_tasks), [&](int task, int) {
-      const std::size_t begin = static_cast<std::size_t>(task) * kSplatsPerTask;
-      Move(adam, begin, std::min(n, begin + kSplatsPerTask));
-    });
-    return mse;
-  }
-
- private:
-  // The splats [begin, end).
-  void Move(const kernels::AdamStep& adam, std::size_t begin, std::size_t end) {
-    for (std::size_t i = 3 * begin; i < 3 * end; ++i) gradient_.places[i] *= sizes_[i / 3];
-    for (Block& block : blocks_) {
-      kernels::AdamStep step = adam;
-      step.learning_rate *= block.rate;
-      const std::size_t at = begin * block.width;
-      kernels::ActiveKernels().adam(step,
-                                    (end - begin) * block.width,
-                                    block.gradients->data() + at,
-                                    block.m.data() + at,
-                                    block.v.data() + at,
-                                    block.values->data() + at,
-                                    nullptr);
-    }
-    for (std::size_t i = 3 * begin; i < 3 * end; ++i)
-      splats_->places[i] = first_places_[i] + sizes_[i / 3] * moves_[i];
-  }
-
-  Splats* const splats_;
-  const std::vector<float> first_places_;
-  std::vector<float> sizes_, moves_;  // moves: of the places, in units of the sizes
-  Splats gradient_;
-  std::vector<Block> blocks_;
-  io::Workers workers_;
-  SplatRasteriser rasteriser_{&workers_};
-};
-
-// The targets in the order of one round.
-std::vector<std::size_t> OrderOf(std::size_t n_targets, std::uint64_t seed, std::uint64_t round) {
-  std::vector<std::pair<std::uint64_t, std::size_t>> keys;
-  for (std::size_t i = 0; i < n_targets; ++i)
-    keys.push_back({io::Random(seed, io::Stream::kSplatView, round, i).Bits(), i});
-  std::sort(keys.begin(), keys.end());
-  std::vector<std::size_t> order;
-  for (const auto& [key, i] : keys) order.push_back(i);
-  return order;
-}
 
 }  // namespace
 
+SplatMoments FirstMoments(const Splats& splats) {
+  SplatMoments moments;
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const float* scales = &splats.log_scales[3 * i];
+    moments.sizes.push_back(std::exp(std::max({scales[0], scales[1], scales[2]})));
+  }
+  moments.m.resize(splats.size()), moments.v.resize(splats.size());
+  return moments;
+}
+
+SplatAdam::SplatAdam(Splats* splats, SplatMoments* moments, io::Workers* workers)
+    : splats_(splats),
+      moments_(moments),
+      workers_(workers),
+      moves_(splats->places.size()),
+      rasteriser_(workers) {
+  gradient_.resize(splats->size());
+}
+
+double SplatAdam::Step(const SplatTarget& target,
+                       const std::array<float, 3>& background,
+                       std::uint64_t step,
+                       double progress) {
+  const double mse = rasteriser_.Gradient(*splats_, target, background, &gradient_);
+  if (!std::isfinite(mse))
+    throw io::Error(io::ExitCode::kNumeric,
+                    "fitting splats: the error of step " + std::to_string(step) + " is not finite",
+                    "Please report the run's options; --no-splats (train) or --splat-steps 0 (export) go "
+                    "without");
+  const auto n_steps = static_cast<float>(step + 1);
+  const kernels::AdamStep adam{.learning_rate = static_cast<float>(std::pow(kLastShare, progress)),
+                               .beta1 = kBeta1,
+                               .beta2 = kBeta2,
+                               .correction1 = 1 / (1 - std::pow(kBeta1, n_steps)),
+                               .correction2 = 1 / (1 - std::pow(kBeta2, n_steps))};
+  const std::size_t n = splats_->size(), n_tasks = (n + kSplatsPerTask - 1) / kSplatsPerTask;
+  workers_->Run(static_cast<int>(n_tasks), [&](int task, int) {
+    const std::size_t begin = static_cast<std::size_t>(task) * kSplatsPerTask;
+    Move(adam, begin, std::min(n, begin + kSplatsPerTask));
+  });
+  return mse;
+}
+
+// The splats [begin, end).
+void SplatAdam::Move(const kernels::AdamStep& adam, std::size_t begin, std::size_t end) {
+  Splats &splats = *splats_, &g = gradient_, &m = moments_->m, &v = moments_->v;
+  const std::vector<float>& sizes = moments_->sizes;
+  for (std::size_t i = 3 * begin; i < 3 * end; ++i) {
+    g.places[i] *= sizes[i / 3];
+    moves_[i] = 0;
+  }
+  const Block blocks[] = {{kPlaceRate, 3, &moves_, &g.places, &m.places, &v.places},
+                          {kScaleRate, 3, &splats.log_scales, &g.log_scales, &m.log_scales, &v.log_scales},
+                          {kRotationRate, 4, &splats.rotations, &g.rotations, &m.rotations, &v.rotations},
+                          {kOpacityRate, 1, &splats.opacities, &g.opacities, &m.opacities, &v.opacities},
+                          {kColourRate, 3 * kHarmonics, &splats.colours, &g.colours, &m.colours, &v.colours}};
+  for (const Block& block : blocks) {
+    kernels::AdamStep step = adam;
+    step.learning_rate *= block.rate;
+    const std::size_t at = begin * block.width;
+    kernels::ActiveKernels().adam(step,
+                                  (end - begin) * block.width,
+                                  block.gradients->data() + at,
+                                  block.m->data() + at,
+                                  block.v->data() + at,
+                                  block.values->data() + at,
+                                  nullptr);
+  }
+  for (std::size_t i = 3 * begin; i < 3 * end; ++i) splats.places[i] += sizes[i / 3] * moves_[i];
+}
+
+std::size_t SplatTurn(std::size_t n_targets, std::uint64_t seed, std::uint64_t step) {
+  std::vector<std::pair<std::uint64_t, std::size_t>> keys;
+  for (std::size_t i = 0; i < n_targets; ++i)
+    keys.push_back({io::Random(seed, io::Stream::kSplatView, step / n_targets, i).Bits(), i});
+  const auto turn = keys.begin() + static_cast<std::ptrdiff_t>(step % n_targets);
+  std::nth_element(keys.begin(), turn, keys.end());
+  return turn->second;
+}
+
+std::array<float, 3> SplatBackground(std::uint64_t seed, std::uint64_t step) {
+  io::Random random(seed, io::Stream::kSplatBackground, step, 0);
+  return {random.Uniform(), random.Uniform(), random.Uniform()};
+}
+
 void OptimizeSplats(const std::vector<SplatTarget>& targets, const SplatOptions& options, Splats* splats) {
   if (targets.empty() || splats->size() == 0) return;
-  SplatAdam adam(options.threads, splats);
-  std::vector<std::size_t> order;
+  io::Workers workers(options.threads);
+  SplatMoments moments = FirstMoments(*splats);
+  SplatAdam adam(splats, &moments, &workers);
   double shown_mse = 0;
-  for (int step = 0; step < options.steps; ++step) {
+  for (int i = 0; i < options.steps; ++i) {
     io::ThrowIfInterrupted();
-    const std::size_t turn = static_cast<std::size_t>(step) % targets.size();
-    if (turn == 0)
-      order = OrderOf(targets.size(), options.seed, static_cast<std::size_t>(step) / targets.size());
-    io::Random random(options.seed, io::Stream::kSplatBackground, static_cast<std::uint64_t>(step), 0);
-    const std::array<float, 3> background = {random.Uniform(), random.Uniform(), random.Uniform()};
-    const double rate_share = std::pow(kLastShare, static_cast<double>(step) / options.steps);
-    const double mse = adam.Step(targets[order[turn]], background, step, rate_share);
-    if (!std::isfinite(mse))
-      throw io::Error(io::ExitCode::kNumeric,
-                      "fitting splats: the error of step " + std::to_string(step) + " is not finite",
-                      "Please report the run's options; --splat-steps 0 goes without");
-    shown_mse += (mse - shown_mse) / std::min(step + 1, kShownSteps);
-    options.progress(static_cast<double>(step + 1) / options.steps, -10 * std::log10(shown_mse));
+    const auto step = static_cast<std::uint64_t>(i);
+    const double mse = adam.Step(targets[SplatTurn(targets.size(), options.seed, step)],
+                                 SplatBackground(options.seed, step),
+                                 step,
+                                 static_cast<double>(i) / options.steps);
+    shown_mse += (mse - shown_mse) / std::min(i + 1, kShownSteps);
+    options.progress(static_cast<double>(i + 1) / options.steps, -10 * std::log10(shown_mse));
   }
 }
 

@@ -30,12 +30,30 @@ Vector4f PullBackRotation(const Vector4f& q, const Matrix3f& g) {
                           2 * z * (g(0, 0) + g(1, 1)));
 }
 
+// Standard deviations beyond which no splat has an alpha of 1 / 255, not even an opaque one: sqrt(2 ln 255).
+constexpr float kMaxDeviations = 3.33f;
+
+// Whether [middle - reach, middle + reach] misses [0, size].
+bool Misses(float middle, float reach, float size) { return middle + reach < 0 || middle - reach > size; }
+
 }  // namespace
+
+// The columns of the Jacobian over a focal length f are (1 / z, -slope / z) at most, so that a deviation of
+// at most s becomes at most f s sqrt(1 + slope^2) / z in the picture.
+bool SplatCamera::IsBeside(const Eigen::Vector3f& in_cam, float largest_scale) const {
+  const float inv_z = 1 / in_cam.z(), s = largest_scale * inv_z;
+  const auto reach = [&](float fl, float max_slope) {
+    const float variance = fl * fl * s * s * (1 + max_slope * max_slope) + low_pass;
+    return kMaxDeviations * std::sqrt(variance);
+  };
+  return Misses(fl_x * in_cam.x() * inv_z + cx, reach(fl_x, slopes_x.Largest()), width) ||
+         Misses(fl_y * in_cam.y() * inv_z + cy, reach(fl_y, slopes_y.Largest()), height);
+}
 
 SplatProjection::Matrix23f SplatProjection::Jacobian() const {
   const float z = in_cam_.z();
-  const float slope_x = std::clamp(in_cam_.x() / z, -camera_->max_slope_x, camera_->max_slope_x);
-  const float slope_y = std::clamp(in_cam_.y() / z, -camera_->max_slope_y, camera_->max_slope_y);
+  const float slope_x = camera_->slopes_x.Clamp(in_cam_.x() / z);
+  const float slope_y = camera_->slopes_y.Clamp(in_cam_.y() / z);
   Matrix23f jacobian;
   jacobian << camera_->fl_x / z, 0, -camera_->fl_x * slope_x / z,  //
       0, camera_->fl_y / z, -camera_->fl_y * slope_y / z;
@@ -51,12 +69,13 @@ bool SplatProjection::Project(const SplatCamera& camera, const Splats& splats, s
     return false;
 
   scales_ = Vector3f(&splats.log_scales[3 * index]).array().exp();
+  if (camera.IsBeside(in_cam_, scales_.maxCoeff())) return false;
   axes_ = RotationOf(Vector4f(&splats.rotations[4 * index]).normalized());
   picture_from_scene_ = Jacobian() * camera.rotation;
   picture_from_axes_ = picture_from_scene_ * axes_ * scales_.asDiagonal();
-  const Matrix2f covariance = picture_from_axes_ * picture_from_axes_.transpose() +
-                              static_cast<float>(kLowPass) * Matrix2f::Identity();
-  const float determinant = covariance.determinant();  // >= kLowPass^2 but for rounding
+  const Matrix2f covariance =
+      picture_from_axes_ * picture_from_axes_.transpose() + camera.low_pass * Matrix2f::Identity();
+  const float determinant = covariance.determinant();  // >= low_pass^2 but for rounding
   blended_.x = camera.fl_x * in_cam_.x() / in_cam_.z() + camera.cx;
   blended_.y = camera.fl_y * in_cam_.y() / in_cam_.z() + camera.cy;
   blended_.a = covariance(1, 1) / determinant;
@@ -90,8 +109,7 @@ void SplatProjection::PullBack(const kernels::BlendedSplatGradient& from,
   const Matrix3f by_rotation = picture_from_scene_.transpose() * by_turned;
 
   const float z = in_cam_.z(), slope_x = in_cam_.x() / z, slope_y = in_cam_.y() / z;
-  const bool inside_x = std::abs(slope_x) < camera.max_slope_x,
-             inside_y = std::abs(slope_y) < camera.max_slope_y;
+  const bool inside_x = camera.slopes_x.Holds(slope_x), inside_y = camera.slopes_y.Holds(slope_y);
   const Matrix23f jacobian = Jacobian();
   // Of x / z and y / z, which the middle and the Jacobian's last column are made of; then of z alone.
   const float by_slope_x = camera.fl_x * (from.x - (inside_x ? by_jacobian(0, 2) / z : 0));

@@ -21,18 +21,40 @@ struct SplatCamera {
         fl_y(static_cast<float>(view.camera.fl_y)),
         cx(static_cast<float>(view.camera.cx)),
         cy(static_cast<float>(view.camera.cy)),
-        max_slope_x(static_cast<float>(kMaxSlopeShare * 0.5 * view.camera.width / view.camera.fl_x)),
-        max_slope_y(static_cast<float>(kMaxSlopeShare * 0.5 * view.camera.height / view.camera.fl_y)) {}
+        slopes_x(Slopes(view.camera.width, view.camera.width, view.camera.cx, view.camera.fl_x)),
+        slopes_y(Slopes(view.camera.height, view.camera.width, view.camera.cy, view.camera.fl_y)),
+        width(static_cast<float>(view.camera.width)),
+        height(static_cast<float>(view.camera.height)),
+        low_pass(static_cast<float>(view.low_pass)) {}
+
+  // Whether a splat at a place with this largest standard deviation, in scene units, lies beside the picture
+  // for certain: most splats of a room do, and the rest of their projection need not be known.
+  bool IsBeside(const Eigen::Vector3f& in_cam, float largest_scale) const;
 
   Eigen::Matrix3f rotation;  // cam_from_world
   Eigen::Vector3f centre;
-  float fl_x, fl_y, cx, cy, max_slope_x, max_slope_y;
+  float fl_x, fl_y, cx, cy;
+  // Of x / z and y / z, between which the projection is linearised where the splat is; beyond, at the limit.
+  struct Range {
+    float low, high;
+    float Clamp(float slope) const { return std::clamp(slope, low, high); }
+    bool Holds(float slope) const { return slope > low && slope < high; }
+    float Largest() const { return std::max(-low, high); }
+  } slopes_x, slopes_y;
+  float width, height, low_pass;
+
+ private:
+  static Range Slopes(double size, double width, double middle, double fl) {
+    const double margin = kSlopeMargin * width;
+    return {static_cast<float>((-middle - margin) / fl), static_cast<float>((size - middle + margin) / fl)};
+  }
 };
 
 // One splat in one view.
 class SplatProjection {
  public:
-  // False when the splat is not seen: too near or behind, or too faint. Then nothing else may be called.
+  // False when the splat is not seen: too near, behind, beside, or too faint. Then nothing else may be
+  // called.
   bool Project(const SplatCamera& camera, const Splats& splats, std::size_t index);
 
   const kernels::BlendedSplat& blended() const { return blended_; }

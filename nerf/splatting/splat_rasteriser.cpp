@@ -85,24 +85,22 @@ void SplatRasteriser::BlendTile(int index, const io::Camera& camera, Tile* tile)
                                         tile->transmittance);
 }
 
-std::vector<float> SplatRasteriser::Render(const Splats& splats,
-                                           const SplatView& view,
-                                           const std::array<float, 3>& background) {
+SplatPicture SplatRasteriser::Render(const Splats& splats, const SplatView& view) {
   const io::Camera& camera = view.camera;
   Place(splats, view);
-  std::vector<float> rgb(3 * static_cast<std::size_t>(camera.width) *
-                         static_cast<std::size_t>(camera.height));
+  const std::size_t n = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  SplatPicture picture{.rgb = std::vector<float>(3 * n), .transmittance = std::vector<float>(n)};
   std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
   workers_->Run(lists_.n_tiles(), [&](int index, int thread) {
     Tile& tile = tiles[static_cast<std::size_t>(thread)];
     BlendTile(index, camera, &tile);
     tile.ForEachPixel(camera.width, [&](std::size_t pixel, int at) {
       for (std::size_t c = 0; c < 3; ++c)
-        rgb[3 * pixel + c] =
-            tile.rgb[static_cast<int>(c) * kTilePixels + at] + tile.transmittance[at] * background[c];
+        picture.rgb[3 * pixel + c] = tile.rgb[static_cast<int>(c) * kTilePixels + at];
+      picture.transmittance[pixel] = tile.transmittance[at];
     });
   });
-  return rgb;
+  return picture;
 }
 
 double SplatRasteriser::PullBackTile(int index,
@@ -114,6 +112,7 @@ double SplatRasteriser::PullBackTile(int index,
   float rgb_gradient[3 * kTilePixels] = {}, to_come[kTilePixels] = {};
   double squares = 0;
   tile->ForEachPixel(camera.width, [&](std::size_t pixel, int at) {
+    if (!target.used.empty() && !target.used[pixel]) return;
     const std::uint8_t* rgba = &target.rgba[4 * pixel];
     const float free = 1 - static_cast<float>(rgba[3]) / 255;
     for (int c = 0; c < 3; ++c) {

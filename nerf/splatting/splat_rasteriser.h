@@ -16,6 +16,12 @@ namespace nerf {
 struct SplatTarget {
   SplatView view;
   std::vector<std::uint8_t> rgba;  // [height][width][4], sRGB times opacity, and opacity
+  std::vector<bool> used;          // [height][width]; empty: every pixel
+};
+
+struct SplatPicture {
+  std::vector<float> rgb;            // [height][width][3], sRGB in front of black
+  std::vector<float> transmittance;  // [height][width]
 };
 
 // Reuses its memory from picture to picture. Results are the same for any number of threads.
@@ -24,13 +30,11 @@ class SplatRasteriser {
   // workers must outlive this.
   explicit SplatRasteriser(io::Workers* workers) : workers_(workers) {}
 
-  // [height][width][3], before a background of sRGB in [0, 1].
-  std::vector<float> Render(const Splats& splats,
-                            const SplatView& view,
-                            const std::array<float, 3>& background);
+  SplatPicture Render(const Splats& splats, const SplatView& view);
 
-  // The mean over pixels and channels of the squared difference, and its gradient: rows of splats that the
-  // view does not see are left as they are.
+  // The mean over the picture's pixels, where unused ones add nothing, and channels of the squared difference
+  // before a background of sRGB in [0, 1]; and its gradient: rows of splats that the view does not see are
+  // left as they are.
   double Gradient(const Splats& splats,
                   const SplatTarget& target,
                   const std::array<float, 3>& background,

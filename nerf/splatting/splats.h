@@ -16,8 +16,9 @@ inline constexpr int kHarmonics = 4;  // spherical harmonics up to degree 1
 inline constexpr double kHarmonic0 = 0.28209479177387814, kHarmonic1 = 0.4886025119029199;
 
 // What the reference implementation adds to variances in the picture, so that no splat is thinner than a
-// pixel [px^2]; and how far beyond the edges of the picture its projection is linearised.
-inline constexpr double kLowPass = 0.3, kMaxSlopeShare = 1.3;
+// pixel [px^2]; and how far beyond the edges of the picture its projection is linearised, in widths of the
+// picture, so that in a band of a picture, cut out of its height, splats look as in the whole.
+inline constexpr double kLowPass = 0.3, kSlopeMargin = 0.15;
 // Splats nearer to the camera's plane are not drawn, in scene units.
 inline constexpr double kNearestSplat = 0.2;
 
@@ -38,6 +39,7 @@ struct Splats {
 struct SplatView {
   io::Camera camera;  // free of distortion
   io::Rigid3d world_from_cam;
+  double low_pass = kLowPass;  // added to variances in the picture [px^2]
 };
 
 }  // namespace nerf

@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "io/base/random.h"
+#include "nerf/rendering/splat_mixing.h"
+#include "nerf/splatting/splat_rasteriser.h"
 
 namespace nerf {
 namespace {
@@ -15,7 +17,8 @@ constexpr std::array<float, 3> kWhite = {1, 1, 1};
 
 }  // namespace
 
-HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset) {
+HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset)
+    : heldout_(heldout) {
   if (heldout.frames.empty()) return;
   const Dataset layout = LayOutDataset(heldout, threads, pixel_offset);
   views_ = layout.views;
@@ -42,19 +45,41 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
   });
 }
 
+// Splats have no single rays: every view that a pixel was drawn from is rendered whole.
+void HeldoutMonitor::MixSplatsIn(const SceneField& scene_field,
+                                 io::Workers* workers,
+                                 std::vector<float>* rgb) const {
+  SplatRasteriser rasteriser(workers);
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    const io::Frame& frame = heldout_.frames[v];
+    const io::Camera& camera = heldout_.cameras[static_cast<std::size_t>(frame.camera_index)];
+    const SplatPicture picture =
+        rasteriser.Render(scene_field.splats, SplatViewOf(scene_field, camera, frame.world_from_cam));
+    for (std::size_t i = 0; i < pixels_.size(); ++i) {
+      if (pixels_[i].camera != &views_[v].camera) continue;
+      const auto at = static_cast<std::size_t>(pixels_[i].y * camera.width + pixels_[i].x);
+      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c)
+        (*rgb)[c] = MixedValue(
+            (*rgb)[c], picture.rgb[3 * at + c - 3 * i], picture.transmittance[at], scene_field.splat_share);
+    }
+  }
+}
+
 double HeldoutMonitor::Psnr(const SceneField& scene_field, io::Workers* workers) const {
   if (pixels_.empty()) return std::numeric_limits<double>::quiet_NaN();
   const std::vector<RenderedRay> rendered =
       RenderPixels(scene_field, pixels_, scene_field.samples_per_pixel, 1.f, workers);
   const std::array<float, 3> background = scene_field.Background(has_alpha_, kWhite);
+  std::vector<float> rgb;
+  for (const RenderedRay& ray : rendered) {
+    for (std::size_t j = 0; j < 3; ++j)
+      rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
+  }
+  if (scene_field.splats.size() > 0) MixSplatsIn(scene_field, workers, &rgb);
   double sum = 0;
-  for (std::size_t i = 0; i < rendered.size(); ++i) {
-    for (std::size_t j = 0; j < 3; ++j) {
-      const float value =
-          std::clamp(rendered[i].rgb[j] + rendered[i].transmittance * background[j], 0.f, 1.f);
-      const double error = value - target_[3 * i + j];
-      sum += error * error;
-    }
+  for (std::size_t i = 0; i < rgb.size(); ++i) {
+    const double error = rgb[i] - target_[i];
+    sum += error * error;
   }
   return -10 * std::log10(std::max(sum / static_cast<double>(target_.size()), 1e-12));
 }

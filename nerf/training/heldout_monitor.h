@@ -12,13 +12,17 @@ namespace nerf {
 
 class HeldoutMonitor {
  public:
-  // Draws 8192 fixed random used pixels of the held-out pictures; none when the scene has no frames.
+  // Draws 8192 fixed random used pixels of the held-out pictures; none when the scene has no frames. heldout
+  // must outlive this.
   HeldoutMonitor(const io::Scene& heldout, int threads, double pixel_offset);
 
   // PSNR over those pixels, on white for pictures with alpha; NaN without held-out pictures.
   double Psnr(const SceneField& scene_field, io::Workers* workers) const;
 
  private:
+  void MixSplatsIn(const SceneField& scene_field, io::Workers* workers, std::vector<float>* rgb) const;
+
+  const io::Scene& heldout_;
   std::vector<View> views_;
   std::vector<CameraPixel> pixels_;  // of views_
   std::vector<float> target_;        // [n][3], those with alpha composited on white

@@ -5,18 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <string>
 
 #include "io/base/check.h"
 #include "io/base/interrupt.h"
 #include "io/base/progress.h"
 #include "io/base/ranks.h"
-#include "nerf/data/hull_pixels.h"
-#include "nerf/data/near_cameras.h"
 #include "nerf/data/plain_background.h"
 #include "nerf/data/sparse_depth.h"
-#include "nerf/training/camera_refinement.h"
-#include "nerf/training/field_training.h"
+#include "nerf/training/field_fit.h"
 #include "nerf/training/heldout_monitor.h"
+#include "nerf/training/splat_fit.h"
 #include "nerf/training/training_clock.h"
 #include "nerf/training/training_memory.h"
 #include "nerf/training/training_progress.h"
@@ -24,10 +23,6 @@
 namespace nerf {
 namespace {
 
-constexpr double kLossDecay = 0.98;           // running mean of the squared error, about 50 steps
-constexpr std::uint64_t kCollapseStep = 500;  // by then a living field is far above a constant picture
-constexpr double kCollapseMarginDb = 0.1, kCollapseOpacity = 1e-3;
-constexpr int kMaxSkippedSteps = 3;
 constexpr double kMonitorGrowth = 1.5;        // monitoring moments grow geometrically ...
 constexpr double kTargetMonitorGrowth = 1.1;  // (where they decide when to stop)
 constexpr double kFirstMonitorS = 1.0;        // ... from one second of training on
@@ -36,19 +31,12 @@ constexpr double kProgressEveryS = 0.5;
 constexpr double kWatchedShare = 0.05;  // of the training time that a watcher's checkpoints take at most
 constexpr double kWatchedEveryS = 4;    // and not more often, since reading them costs as well
 
+// Shorter trainings are the field's alone: splats have no time to become as good (nerf/EXPERIMENTS.md).
+constexpr double kShortestWithSplatsS = 12;
+
 double Db(double squared_error) { return -10 * std::log10(std::max(squared_error, 1e-12)); }
 
-// What the loop needs to know of a kind of field.
-struct TrainingKind {
-  FieldKind kind;
-  decltype(&MakeHashTraining) make;
-  bool has_schedule;  // that of training_schedule.h
-  bool has_capture_terms;
-  bool drops_idle_pixels;  // those whose rays meet no cell of the visual hull
-};
-constexpr TrainingKind kTrainingKinds[] = {{FieldKind::kHash, MakeHashTraining, true, true, true},
-                                           {FieldKind::kMlp, MakeMlpTraining, false, false, false}};
-
+// Training in parts, that of the field and that of the splats, with one clock.
 class Trainer {
  public:
   Trainer(const io::Scene& scene,
@@ -59,7 +47,6 @@ class Trainer {
         heldout_(heldout),
         options_(options),
         folder_(folder),
-        kind_(kTrainingKinds[static_cast<std::size_t>(options.field.kind)]),
         workers_(options.threads),
         dataset_(LoadDataset(scene, options.threads, options.field.PixelOffset())),
         curve_(folder / "curve.csv") {}
@@ -68,76 +55,48 @@ class Trainer {
 
  private:
   void Begin();
-  void MakeField();
-  void MakeTraining();
-  double Progress(double elapsed_s) const { return progress_.At(state_.step, elapsed_s); }
+  void TrainField();
+  void FitSplats();
+  void AfterStep();
+  // Of the part that is under way.
+  std::uint64_t PartStep() const { return splats_ ? state_.splats.step : state_.step; }
+  double Progress(double elapsed_s) const { return progress_->At(PartStep(), elapsed_s - part_begin_s_); }
+  double TrainPsnr() const { return Db(splats_ ? state_.splats.squared_error : state_.squared_error); }
   double NextProgress();
-  void Step(double progress);
-  void Skip(const std::string& fault);
-  bool HasCollapsed() const;
-  void Restart();
+  bool IsTargetReached() const;
+  TrainingNews News(double now) const;
   void Monitor(double elapsed_s);
   void Save(double elapsed_s);
   void MonitorWhenDue(double now);
   void SaveWhenDue(double now);
+  void AskWatcher(const TrainingNews& news);
   void ShowProgress(double now);
-  void AskWatcher(double now);
   void FillReport();
 
   TrainingClock clock_;  // from here on, the reading of the pictures included
   const io::Scene &scene_, &heldout_;
-  TrainOptions options_;
+  TrainOptions options_;  // time_s: of the field
   const std::filesystem::path folder_;
-  const TrainingKind& kind_;
   const io::Ranks& ranks_ = io::AllRanks();
   io::Workers workers_;
   Dataset dataset_;
-  std::optional<HeldoutMonitor> monitor_;
-  std::unique_ptr<SceneField> scene_field_;
   TrainState state_;
-  TrainingCurve curve_;
-  std::optional<NearCameras> near_cameras_;     // of photographs ...
-  std::optional<CameraRefinement> refinement_;  // ... whose cameras may move
-  std::unique_ptr<FieldTraining> training_;
-  TrainingProgress progress_{options_};
   TrainReport report_;
-  double loss_ = 0, opacity_ = 0;
-  double constant_squared_error_ = 0;
-  std::uint64_t n_samples_ = 0, n_rays_ = 0;
-  double flop_ = 0;
+  std::optional<HeldoutMonitor> monitor_;
+  TrainingCurve curve_;
+  double budget_s_ = 0;  // of all parts
+  bool plans_splats_ = false;
+  std::optional<FieldFit> field_;
+  std::optional<SplatFit> splats_;
+  std::optional<TrainingProgress> progress_;
+  double part_begin_s_ = 0;    // training time that is not the part's
+  double field_run_s_ = 1e-9;  // of the field in this run; never zero
   double next_monitor_s_ = 0, next_save_s_ = 0;
   double next_watched_save_s_ = 0;
   std::optional<io::Progress> bar_;
   double shown_s_ = 0;            // when progress was last shown ...
-  std::uint64_t shown_rays_ = 0;  // ... and n_rays_ then
+  std::uint64_t shown_rays_ = 0;  // ... and the field's rays then
 };
-
-void Trainer::MakeTraining() {
-  if (kind_.drops_idle_pixels && dataset_.channels == 4) {
-    DropPixelsBesideHull(
-        scene_, scene_field_->contraction, scene_field_->grid.resolution(), &workers_, &dataset_);
-  }
-  CaptureTerms terms;
-  if (kind_.has_capture_terms && scene_field_->contraction.unbounded) {
-    const SceneContraction& contraction = scene_field_->contraction;
-    terms.near_cameras = &near_cameras_.emplace(scene_, contraction, contraction.half, &workers_);
-    if (options_.refine_cameras)
-      terms.refinement =
-          &refinement_.emplace(scene_, contraction, options_.field.PixelOffset(), &dataset_, &state_.cameras);
-  }
-  training_ = kind_.make(dataset_, options_, scene_field_.get(), &workers_, terms);
-}
-
-void Trainer::MakeField() {
-  const TrainingSchedule schedule = ScheduleOf(options_, dataset_.channels == 4);
-  SceneFieldOptions field = options_.field;
-  field.log2_hashmap_size = schedule.log2_hashmap_size;
-  field.finest_cell_pixels = schedule.finest_cell_pixels;
-  field.entry_moments = schedule.entry_moments;
-  scene_field_ = MakeSceneField(scene_, dataset_, field, state_.seed, &workers_, &report_.derivation);
-  if (kind_.has_schedule) report_.events.push_back("schedule for this budget: " + schedule.Text());
-  MakeTraining();
-}
 
 void Trainer::Begin() {
   const bool had_alpha = dataset_.channels == 4;
@@ -145,19 +104,21 @@ void Trainer::Begin() {
   if (dataset_.channels == 4 && !had_alpha) RequireHullMemory(dataset_, options_);
   if (dataset_.channels == 3) dataset_.depths = SparseDepths(scene_, dataset_);
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
+  std::unique_ptr<SceneField> scene_field;
   if (io::FromFirst(std::filesystem::exists(checkpoint))) {
-    scene_field_ = ReadCheckpoint(checkpoint, &state_);
+    scene_field = ReadCheckpoint(checkpoint, &state_);
     if (options_.target_psnr > 0) options_.time_s = state_.budget_s;
     report_.events.push_back(fmt::format("resumed at step {}", state_.step));
-    MakeTraining();
   } else {
     state_.seed = options_.seed;
     state_.budget_s = options_.time_s;
     state_.channels = dataset_.channels;
-    MakeField();
   }
-  const bool white = kind_.kind == FieldKind::kMlp && options_.mlp.white_background;
-  constant_squared_error_ = ConstantSquaredError(dataset_, white ? 1.0 : 0.5);
+  budget_s_ = options_.time_s;
+  plans_splats_ = options_.splats && SplatFit::Suits(dataset_, options_.field.kind) &&
+                  (options_.steps > 0 || budget_s_ >= kShortestWithSplatsS);
+  if (plans_splats_) options_.time_s *= kFieldShare;
+  field_.emplace(scene_, options_, std::move(scene_field), &dataset_, &state_, &report_, &workers_);
   clock_.Resume(state_.elapsed_s);
   if (ranks_.IsFirst())
     clock_.Exclude([&] { monitor_.emplace(heldout_, options_.threads, options_.field.PixelOffset()); });
@@ -167,59 +128,36 @@ void Trainer::Begin() {
   next_save_s_ = shown_s_ + options_.checkpoint_every_s;
 }
 
-// Of the step to come, as rank 0 sees it; 1 ends the training.
-double Trainer::NextProgress() {
-  const bool is_reached = options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
-  return io::FromFirst(is_reached ? 1.0 : Progress(clock_.Elapsed()));
+bool Trainer::IsTargetReached() const {
+  return options_.target_psnr > 0 && report_.heldout_psnr >= options_.target_psnr;
 }
 
-void Trainer::Step(double progress) {
-  const StepOutcome outcome = training_->Step(progress, &state_);
-  loss_ = outcome.loss;
-  opacity_ = outcome.opacity;
-  if (outcome.fault.empty()) {
-    n_samples_ += outcome.n_samples;
-    n_rays_ += outcome.n_rays;
-    flop_ += outcome.flop;
-    state_.squared_error = state_.squared_error < 0
-                               ? outcome.squared_error
-                               : kLossDecay * state_.squared_error + (1 - kLossDecay) * outcome.squared_error;
+// Of the step to come, as rank 0 sees it; 1 ends the part.
+double Trainer::NextProgress() { return io::FromFirst(IsTargetReached() ? 1.0 : Progress(clock_.Elapsed())); }
+
+TrainingNews Trainer::News(double now) const {
+  const double part_s = now - part_begin_s_;
+  TrainingNews news{.step = state_.step,
+                    .progress = Progress(now),
+                    .elapsed_s = now,
+                    .left_s = progress_->LeftSeconds(PartStep(), part_s),
+                    .train_psnr = TrainPsnr(),
+                    .heldout_psnr = report_.heldout_psnr};
+  if (!plans_splats_) return news;
+  if (splats_) {
+    news.progress = kFieldShare + (1 - kFieldShare) * news.progress;
   } else {
-    Skip(outcome.fault);
+    news.progress *= kFieldShare;
+    if (!report_.ended_early) news.left_s += (part_s + news.left_s) * (1 / kFieldShare - 1);
   }
-  ++state_.step;
-}
-
-void Trainer::Skip(const std::string& fault) {
-  const std::string where = fmt::format("{}, step {}, seed {}", fault, state_.step, state_.seed);
-  if (++state_.skipped_steps > kMaxSkippedSteps) {
-    throw io::Error(io::ExitCode::kNumeric, "not finite: " + where, "Lower --learning-rate or change --seed");
-  }
-  report_.events.push_back("skipped a step that was not finite: " + where + "; learning rate halved");
-  state_.learning_rate_scale *= 0.5;
-}
-
-bool Trainer::HasCollapsed() const {
-  const double gain_db = 10 * std::log10(constant_squared_error_ / state_.squared_error);
-  return opacity_ < kCollapseOpacity || gain_db < kCollapseMarginDb;
-}
-
-void Trainer::Restart() {
-  report_.events.push_back(fmt::format(
-      "collapsed by step {} with seed {}; restarted with the next seed", state_.step, state_.seed));
-  TrainState fresh;
-  fresh.seed = state_.seed + 1;
-  fresh.restarts = state_.restarts + 1;
-  fresh.channels = state_.channels;
-  fresh.budget_s = state_.budget_s;
-  state_ = fresh;
-  MakeField();
+  return news;
 }
 
 void Trainer::Monitor(double elapsed_s) {
-  CurvePoint point{.step = state_.step, .wall_s = elapsed_s, .cpu_s = clock_.CpuElapsed(), .loss = loss_};
-  point.train_psnr = Db(state_.squared_error);
-  point.heldout_psnr = monitor_->Psnr(*scene_field_, &workers_);
+  CurvePoint point{
+      .step = state_.step, .wall_s = elapsed_s, .cpu_s = clock_.CpuElapsed(), .loss = field_->loss()};
+  point.train_psnr = TrainPsnr();
+  point.heldout_psnr = monitor_->Psnr(*field_->scene_field(), &workers_);
   report_.curve.push_back(point);
   curve_.Add(point);
   report_.heldout_psnr = point.heldout_psnr;
@@ -227,7 +165,8 @@ void Trainer::Monitor(double elapsed_s) {
 
 void Trainer::Save(double elapsed_s) {
   state_.elapsed_s = elapsed_s;
-  WriteCheckpoint(folder_ / "checkpoint.bin", scene_field_.get(), state_);
+  if (!splats_) state_.field_s = elapsed_s - part_begin_s_;
+  WriteCheckpoint(folder_ / "checkpoint.bin", field_->scene_field(), state_);
   curve_.Write();
 }
 
@@ -244,19 +183,14 @@ void Trainer::SaveWhenDue(double now) {
   next_save_s_ = now + options_.checkpoint_every_s;
 }
 
-void Trainer::AskWatcher(double now) {
+void Trainer::AskWatcher(const TrainingNews& news) {
   if (!options_.watcher) return;
-  const double progress = Progress(now);
-  const WatcherWish wish = options_.watcher({.step = state_.step,
-                                             .progress = progress,
-                                             .elapsed_s = now,
-                                             .left_s = progress_.LeftSeconds(state_.step, now),
-                                             .train_psnr = Db(state_.squared_error),
-                                             .heldout_psnr = report_.heldout_psnr});
+  const double now = news.elapsed_s;
+  const WatcherWish wish = options_.watcher(news);
   if (wish.wants_end && !report_.ended_early) {
     report_.ended_early = true;
-    report_.events.push_back(fmt::format("asked to end at {:.0f} % by a viewer", 100 * progress));
-    progress_.End(state_.step, now);
+    report_.events.push_back(fmt::format("asked to end at {:.0f} % by a viewer", 100 * news.progress));
+    progress_->End(PartStep(), now - part_begin_s_);
   } else if (wish.wants_checkpoint && now >= next_watched_save_s_) {
     const double cost_s = clock_.Exclude([&] { Save(now); });
     next_watched_save_s_ = now + std::max(kWatchedEveryS, cost_s / kWatchedShare);
@@ -265,52 +199,72 @@ void Trainer::AskWatcher(double now) {
 
 void Trainer::ShowProgress(double now) {
   if (now - shown_s_ <= kProgressEveryS) return;
-  AskWatcher(now);
-  const double rays_per_s = static_cast<double>(n_rays_ - shown_rays_) / (now - shown_s_);
+  const TrainingNews news = News(now);
+  AskWatcher(news);
+  const double rays_per_s = static_cast<double>(field_->n_rays() - shown_rays_) / (now - shown_s_);
   shown_s_ = now;
-  shown_rays_ = n_rays_;
+  shown_rays_ = field_->n_rays();
   std::string heldout;
   if (report_.heldout_psnr > 0) heldout = fmt::format("held-out {:.2f} dB  ", report_.heldout_psnr);
-  bar_->Update(
-      Progress(now),
-      fmt::format("train {:.2f} dB  {}{:.0f} k rays/s", Db(state_.squared_error), heldout, rays_per_s / 1e3));
+  bar_->Update(news.progress,
+               fmt::format("train {:.2f} dB  {}", news.train_psnr, heldout) +
+                   (splats_ ? fmt::format("splats, step {}", PartStep())
+                            : fmt::format("{:.0f} k rays/s", rays_per_s / 1e3)));
+}
+
+void Trainer::AfterStep() {
+  io::ThrowIfInterrupted();
+  if (!ranks_.IsFirst()) return;
+  const double now = clock_.Elapsed();
+  MonitorWhenDue(now);
+  SaveWhenDue(now);
+  ShowProgress(now);
+}
+
+void Trainer::TrainField() {
+  const double begin_s = state_.field_s;
+  part_begin_s_ = state_.elapsed_s - begin_s;
+  progress_.emplace(options_.steps, options_.time_s);
+  for (double progress = NextProgress(); progress < 1; progress = NextProgress()) {
+    field_->scene_field()->splats = {};  // of a field that was trained less
+    state_.splats = {};
+    field_->Step(progress);
+    AfterStep();
+  }
+  state_.field_s = clock_.Elapsed() - part_begin_s_;
+  field_run_s_ += state_.field_s - begin_s;
+}
+
+void Trainer::FitSplats() {
+  const bool is_finished = state_.splats.step > 0 && state_.splats.moments.empty();
+  if (is_finished || io::FromFirst(IsTargetReached())) return;
+  const double now = clock_.Elapsed();
+  if (state_.splats.step == 0) state_.splats.begin_s = now;
+  part_begin_s_ = state_.splats.begin_s;
+  const bool ends_early = io::FromFirst(report_.ended_early);
+  const double shortest_s = std::max(TrainingProgress::kMinWindDownS, TrainingProgress::kWindDownShare * now);
+  progress_.emplace(options_.steps > 0 && !ends_early ? 1 + options_.steps / kFieldSteps : 0,
+                    ends_early ? shortest_s : std::max(budget_s_ - part_begin_s_, shortest_s));
+  splats_.emplace(scene_, dataset_, field_->WorldFromCam(), field_->scene_field(), &state_, &workers_);
+  for (double progress = NextProgress(); progress < 1; progress = NextProgress()) {
+    splats_->Step(progress);
+    AfterStep();
+  }
+  report_.events.push_back(splats_->Finish());
 }
 
 void Trainer::FillReport() {
   report_.heldout_psnr = io::FromFirst(report_.heldout_psnr);  // whether a target is reached, and whether
   report_.ended_early = io::FromFirst(report_.ended_early);    // training ends, concerns all ranks
-  const double this_run_s = std::max(report_.train_s - clock_.resumed_s(), 1e-9);
-  report_.budget_s = options_.time_s;
-  report_.steps = state_.step;
-  report_.parameters = scene_field_->field->n_parameters();
-  report_.samples_per_s = static_cast<double>(n_samples_) / this_run_s;
-  report_.rays_per_s = static_cast<double>(n_rays_) / this_run_s;
-  report_.samples_per_ray =
-      static_cast<double>(n_samples_) / static_cast<double>(std::max<std::uint64_t>(n_rays_, 1));
-  report_.gflops = flop_ * 1e-9 / this_run_s;
-  if (flop_ > 0) report_.gemm_gflops = training_->GemmGflops();
-  report_.occupied_share = scene_field_->grid.OccupiedShare();
-  report_.skipped_steps = state_.skipped_steps;
-  report_.restarts = state_.restarts;
-  report_.arithmetic = training_->Arithmetic();
-  if (!refinement_) return;
-  report_.moved_cameras = MovedCameras(scene_, *refinement_);
-  report_.events.push_back(Describe(report_.moved_cameras, scene_.frames.size()));
+  report_.budget_s = budget_s_;
+  field_->FillReport(field_run_s_);
 }
 
 TrainReport Trainer::Run() {
   Begin();
   try {
-    for (double progress = NextProgress(); progress < 1; progress = NextProgress()) {
-      Step(progress);
-      if (state_.step == kCollapseStep && state_.restarts == 0 && HasCollapsed()) Restart();
-      io::ThrowIfInterrupted();
-      if (!ranks_.IsFirst()) continue;
-      const double now = clock_.Elapsed();
-      MonitorWhenDue(now);
-      SaveWhenDue(now);
-      ShowProgress(now);
-    }
+    TrainField();
+    if (plans_splats_) FitSplats();
     report_.train_s = clock_.Elapsed();
     if (ranks_.IsFirst()) Monitor(report_.train_s);
   } catch (const io::Interrupted&) {  // a step that was cut short has changed nothing

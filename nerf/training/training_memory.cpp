@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "nerf/kernels/kernels.h"
+#include "nerf/training/splat_fit.h"
 
 namespace nerf {
 namespace {
@@ -30,8 +31,10 @@ std::size_t TrainedFieldBytes(const TrainOptions& options, bool has_alpha) {
 
 void RequireTrainingMemory(const io::Scene& scene, const TrainOptions& options) {
   const int channels = StoredChannels(scene);
+  const std::size_t n_pixels = CountPixels(scene);
+  const std::size_t splats = options.splats && channels == 3 ? SplatFit::Bytes(n_pixels) : 0;
   options.memory.Require(
-      PictureBytes(CountPixels(scene), channels) + TrainedFieldBytes(options, channels == 4),
+      PictureBytes(n_pixels, channels) + TrainedFieldBytes(options, channels == 4) + splats,
       fmt::format("training on {} pictures", scene.frames.size()));
 }
 

@@ -5,8 +5,7 @@
 namespace nerf {
 
 double TrainingProgress::At(std::uint64_t step, double elapsed_s) const {
-  double progress =
-      options_.steps > 0 ? static_cast<double>(step) / options_.steps : elapsed_s / options_.time_s;
+  double progress = steps_ > 0 ? static_cast<double>(step) / steps_ : elapsed_s / time_s_;
   if (ending_)
     progress =
         ending_->progress + (1 - ending_->progress) * (elapsed_s - ending_->begin_s) / ending_->length_s;

@@ -1,11 +1,9 @@
-// How far a training is through its schedule: the share of its steps or time that is used; once it was asked
-// to end, it goes through the rest in a fraction of the time so far.
+// How far a part of a training is through its schedule: the share of its steps or time that is used; once it
+// was asked to end, it goes through the rest in a fraction of the time so far.
 #pragma once
 
 #include <cstdint>
 #include <optional>
-
-#include "nerf/training/train_options.h"
 
 namespace nerf {
 
@@ -15,8 +13,8 @@ class TrainingProgress {
   // field is worth more than as it stands.
   static constexpr double kWindDownShare = 0.15, kMinWindDownS = 1;
 
-  // options must outlive this.
-  explicit TrainingProgress(const TrainOptions& options) : options_(options) {}
+  // steps > 0: by steps; else by time.
+  TrainingProgress(int steps, double time_s) : steps_(steps), time_s_(time_s) {}
 
   double At(std::uint64_t step, double elapsed_s) const;  // in [0, 1]
   // NaN or infinity while it cannot be told.
@@ -28,7 +26,8 @@ class TrainingProgress {
   struct Ending {
     double progress, begin_s, length_s;  // progress: when it began
   };
-  const TrainOptions& options_;
+  int steps_;
+  double time_s_;
   std::optional<Ending> ending_;
 };
 

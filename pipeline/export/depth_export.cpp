@@ -34,10 +34,13 @@ double AxisCosine(const ViewSurface& view, const io::Rigid3d& world_from_cam, st
 double ChooseFar(const ExportedScene& scene, const std::vector<ExportedView>& views) {
   std::vector<float> distances;
   for (const ExportedView& view : views) {
-    const nerf::RenderedView small = scene.field->Render(
-        nerf::SmallCamera(*view.camera, kTrialSide),
-        view.frame->world_from_cam,
-        {.threads = scene.threads, .step_scale = 1, .samples_per_pixel = 1, .limits = {.crop = scene.crop}});
+    const nerf::RenderedView small = scene.field->Render(nerf::SmallCamera(*view.camera, kTrialSide),
+                                                         view.frame->world_from_cam,
+                                                         {.threads = scene.threads,
+                                                          .step_scale = 1,
+                                                          .samples_per_pixel = 1,
+                                                          .limits = {.crop = scene.crop},
+                                                          .splats = false});
     for (const float distance : small.median_depth)
       if (std::isfinite(distance)) distances.push_back(distance);
   }

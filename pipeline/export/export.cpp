@@ -38,6 +38,7 @@ struct ExportOptions {
   FrameOptions frame;
   SurfaceOptions surface;
   SplatSceneOptions splats_from;
+  bool fits_splats = false;  // even where training has
   int max_triangles = 500000;
   CommonOptions common;
 
@@ -86,7 +87,8 @@ void AddExportOptions(Options* options, ExportOptions* to) {
   options->Add("splat-steps",
                &to->splats_from.steps,
                "steps in which splats are fitted to pictures; more are better and take longer; 0 = as "
-               "they lie on the surface",
+               "they lie on the surface; the splats of the training, if it has any, are written unless this "
+               "or --max-splats is given",
                {.min = 0, .max = 1e6});
   options->Add("max-triangles", &to->max_triangles, "most triangles of the mesh", {.min = 1000, .max = 1e8});
   options->Add("view-size",
@@ -132,10 +134,16 @@ void Say(const char* what, const fs::path& path, const std::string& note = "") {
   std::printf("%-7s %s%s\n", what, io::Printable(path.string()).c_str(), note.c_str());
 }
 
-void ExportSplats(const ExportedScene& scene, const ExportOptions& options) {
+nerf::Splats SplatsOf(const ExportedScene& scene, const ExportOptions& options) {
+  const nerf::Splats& trained = scene.field->splats();
+  if (trained.size() > 0 && !scene.crop && !options.fits_splats) return trained;
   SplatSceneOptions splat_options = options.splats_from;
   splat_options.view_size = options.surface.view_size;
-  const nerf::Splats splats = MakeSplats(scene, splat_options);
+  return MakeSplats(scene, splat_options);
+}
+
+void ExportSplats(const ExportedScene& scene, const ExportOptions& options) {
+  const nerf::Splats splats = SplatsOf(scene, options);
   WriteSplats(splats, scene.target, options.splats);
   std::string note = fmt::format("  {} splats", splats.size());
   if (const auto quality = MeasureSplats(scene, splats))
@@ -192,6 +200,7 @@ int RunExport(int argc, const char* const* argv) {
                   "browsers; any of them in one call.");
     AddExportOptions(&bound, &options);
     if (!bound.Parse(argc, argv)) return;
+    options.fits_splats = bound.IsSetByUser("splat-steps") || bound.IsSetByUser("max-splats");
     CheckTargets(options);
     if (options.NeedsField() && NeedsTorch(options.run / "train/checkpoint.bin"))
       ContinueWithTorch("export", argc, argv);

@@ -25,7 +25,8 @@ SplatQuality MeasureView(const ExportedScene& scene, const nerf::Splats& splats,
   const nerf::RenderedView view{
       .width = camera.width, .height = camera.height, .rgb = {rgb.begin(), rgb.end()}};
   const io::Image picture = QuantizeView(view);
-  const io::Image field = QuantizeView(scene.field->Render(camera, frame.world_from_cam, {.threads = 1}));
+  const io::Image field =
+      QuantizeView(scene.field->Render(camera, frame.world_from_cam, {.threads = 1, .splats = false}));
   const auto psnr = [&mask = mask](const io::Image& a, const io::Image& b) {
     return nerf::PsnrFromMse(nerf::MeanSquaredError(a, b, mask));
   };

@@ -9,23 +9,14 @@
 #include "io/base/interrupt.h"
 #include "io/base/progress.h"
 #include "io/base/random.h"
-#include "io/scene/decomposition.h"
 #include "nerf/splatting/splat_optimizer.h"
+#include "nerf/splatting/surface_splats.h"
 #include "pipeline/evaluation/evaluation.h"
-#include "pipeline/export/point_spacing.h"
 #include "pipeline/export/view_surface.h"
 
 namespace pipeline {
 namespace {
 
-// Standard deviation along the surface per spacing of the splats: their sum then varies by a few per cent.
-constexpr double kSigmaPerSpacing = 0.6;
-// Standard deviation across the surface, as a share of the one along it.
-constexpr double kFlatness = 0.1;
-// Bounds of the spacing among neighbours, in footprints of a pixel: splats that coincide must not vanish, nor
-// lonely ones swell.
-constexpr double kMinSpacing = 0.3, kMaxSpacing = 10;
-constexpr double kFirstOpacity = 0.9;
 // Surfaces are looked for in pictures of this share of the side, which have far more pixels than are needed.
 constexpr double kSurfaceShare = 0.5;
 // Distance of the sky, in units of the scene's far: its splats hardly move between views.
@@ -52,11 +43,11 @@ class SplatViews {
 
   nerf::SplatTarget Target(std::size_t index) const {
     const nerf::SplatView& view = views_[index];
-    const nerf::RenderedView picture =
-        scene_.field->Render(view.camera,
-                             view.world_from_cam,
-                             {.threads = scene_.threads, .background = {0, 0, 0}, .limits = limits_});
-    nerf::SplatTarget target{view, {}};
+    const nerf::RenderedView picture = scene_.field->Render(
+        view.camera,
+        view.world_from_cam,
+        {.threads = scene_.threads, .background = {0, 0, 0}, .limits = limits_, .splats = false});
+    nerf::SplatTarget target{view, {}, {}};
     const auto put = [&](float value) {
       target.rgba.push_back(static_cast<std::uint8_t>(std::lround(255 * std::clamp(value, 0.f, 1.f))));
     };
@@ -69,7 +60,7 @@ class SplatViews {
   }
 
   // Pieces of surface at pixels chosen by chance, so that of all views' pixels about `number` are chosen.
-  void AddSurfels(std::size_t index, int number, std::vector<Surfel>* surfels) const {
+  void AddPoints(std::size_t index, int number, std::vector<nerf::SurfacePoint>* points) const {
     double n_pixels = 0;
     for (const io::Camera& camera : surface_cameras_) n_pixels += 1.0 * camera.width * camera.height;
     const io::Camera& camera = surface_cameras_[index];
@@ -81,11 +72,11 @@ class SplatViews {
       const bool is_sky = surface.distance[i] == 0;
       if (is_sky && limits_.crop) continue;
       const double distance = is_sky ? kSkyDistance * scene_.train.far : surface.distance[i];
-      const Eigen::Vector3d ray = surface.rays[i], normal = surface.normals[i].cast<double>();
-      surfels->push_back({.position = pose.translation + distance * ray,
-                          .normal = normal.isZero() ? Eigen::Vector3d(-ray) : normal,
-                          .rgb = Eigen::Vector3f(&surface.rgb[3 * i]).cast<double>(),
-                          .spacing = distance * footprint});
+      const Eigen::Vector3f ray = surface.rays[i].cast<float>(), normal = surface.normals[i];
+      points->push_back({.position = (pose.translation + distance * surface.rays[i]).cast<float>(),
+                         .normal = normal.isZero() ? Eigen::Vector3f(-ray) : normal,
+                         .rgb = Eigen::Vector3f(&surface.rgb[3 * i]),
+                         .footprint = static_cast<float>(distance * footprint)});
     }
   }
 
@@ -109,50 +100,27 @@ class SplatViews {
   nerf::RayLimits limits_;
 };
 
-// Discs that lie on the surface and fill it.
-nerf::Splats SplatsOn(const std::vector<Surfel>& surfels) {
-  const std::vector<double> spacing = PointSpacing(surfels);
-  nerf::Splats splats;
-  splats.resize(surfels.size());
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    const Surfel& surfel = surfels[i];
-    const double sigma =
-        kSigmaPerSpacing * std::clamp(spacing[i] / surfel.spacing, kMinSpacing, kMaxSpacing) * surfel.spacing;
-    const Eigen::Quaterniond turn(io::RotationBetween(Eigen::Vector3d::UnitZ(), surfel.normal));
-    using Row = Eigen::Map<Eigen::Vector3f>;
-    Row(&splats.places[3 * i]) = surfel.position.cast<float>();
-    Row(&splats.log_scales[3 * i]) =
-        Eigen::Vector3d(sigma, sigma, kFlatness * sigma).array().log().cast<float>();
-    splats.rotations[4 * i] = static_cast<float>(turn.w());
-    Row(&splats.rotations[4 * i + 1]) = turn.vec().cast<float>();
-    splats.opacities[i] = static_cast<float>(std::log(kFirstOpacity / (1 - kFirstOpacity)));
-    Row(&splats.colours[3 * nerf::kHarmonics * i]) =
-        ((surfel.rgb.array() - 0.5) / nerf::kHarmonic0).cast<float>();
-  }
-  return splats;
-}
-
 }  // namespace
 
 nerf::Splats MakeSplats(const ExportedScene& scene, const SplatSceneOptions& options) {
   const SplatViews views(scene, options.view_size);
   std::vector<nerf::SplatTarget> targets;
-  std::vector<Surfel> surfels;
+  std::vector<nerf::SurfacePoint> points;
   {
     io::Progress progress("views for splats");
     for (std::size_t i = 0; i < views.size(); ++i) {
       io::ThrowIfInterrupted();
-      views.AddSurfels(i, options.max_splats, &surfels);
+      views.AddPoints(i, options.max_splats, &points);
       targets.push_back(views.Target(i));
       progress.Update(static_cast<double>(i + 1) / static_cast<double>(views.size()));
     }
   }
-  if (surfels.empty())
+  if (points.empty())
     throw io::Error(io::ExitCode::kBadState,
                     scene.folder.parent_path().string() + ": the training views show no surface" +
                         (scene.crop ? " in the crop box" : ""),
                     scene.crop ? "Move the box" : "Train longer, or photograph more views");
-  nerf::Splats splats = SplatsOn(surfels);
+  nerf::Splats splats = nerf::SplatsOn(points);
   io::Progress progress("splats");
   const auto show = [&](double share, double psnr_db) {
     progress.Update(share, fmt::format("{:.1f} dB", psnr_db));

@@ -73,6 +73,10 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
   options->Add("refine-cameras",
                &train.refine_cameras,
                "hash, photographs: move the poses that their own pictures pull at");
+  options->Add("splats",
+               &train.splats,
+               "hash, photographs: fit Gaussian splats in the second half of the budget, and mix them into "
+               "every picture");
   options->Add(
       "learning-rate", &train.learning_rate, "first learning rate of Adam; 0 = the field's own", {.min = 0});
   options->Add("log2-hashmap-size",

@@ -18,7 +18,7 @@ void Read(std::string_view file) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  constexpr std::string_view kMagic = "NERFCKP7";
+  constexpr std::string_view kMagic = "NERFCKP8";
   const std::vector<std::string> files = fuzz::Files(data, size);
   if (files[0].starts_with(kMagic)) Read({reinterpret_cast<const char*>(data), size});
   const auto length = static_cast<std::uint32_t>(files[0].size());

@@ -88,7 +88,10 @@ void AddCheckpoint(Seeds* seeds) {
               .grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
           1),
       64);
-  nerf::WriteCheckpoint(dir / "checkpoint.bin", &scene_field, {});
+  scene_field.splats = tests::SomeSplats(2);
+  nerf::TrainState state;
+  state.splats.moments = nerf::FirstMoments(scene_field.splats);
+  nerf::WriteCheckpoint(dir / "checkpoint.bin", &scene_field, state);
   const std::string file = ReadText(dir / "checkpoint.bin");
   std::uint32_t length;
   std::memcpy(&length, file.data() + kLengthAt, sizeof length);

@@ -5,6 +5,7 @@
 
 #include "io/base/error.h"
 #include "io/base/hash.h"
+#include "tests/support/some_splats.h"
 #include "tests/support/temp_dir.h"
 
 namespace nerf {
@@ -63,8 +64,10 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
           1),
       64);
   scene_field.background = {0.5f, 0.5f, 0.5f};
-  WriteCheckpoint(path, &scene_field, {});
+  scene_field.splats = tests::SomeSplats(3);
   TrainState state;
+  state.splats.moments = FirstMoments(scene_field.splats);
+  WriteCheckpoint(path, &scene_field, state);
   ASSERT_NE(ReadCheckpoint(path, &state), nullptr);
 
   const Parts parts(ReadText(path));
@@ -93,6 +96,51 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
     }
   }
   EXPECT_GT(n_tried, 500);
+}
+
+TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
+  const TempDir dir;
+  const std::filesystem::path path = dir / "checkpoint.bin";
+  SceneField scene_field(
+      SceneContraction{},
+      SamplerOptions{},
+      std::make_unique<HashField>(
+          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
+          1),
+      64);
+  scene_field.splats = tests::SomeSplats(7);
+  scene_field.splat_focal_px = 321;
+  scene_field.splat_share = 0.125f;
+  TrainState state, read;
+  state.field_s = 3;
+  state.splats = {.moments = FirstMoments(scene_field.splats),
+                  .step = 12,
+                  .is_judged = true,
+                  .error_ratio = 1.5,
+                  .begin_s = 4,
+                  .squared_error = 0.25};
+  state.splats.moments.m.colours[5] = 0.5f, state.splats.moments.v.rotations[27] = 0.75f;
+  for (const bool is_finished : {false, true}) {
+    if (is_finished) state.splats.moments = {};
+    WriteCheckpoint(path, &scene_field, state);
+    const auto read_field = ReadCheckpoint(path, &read);
+    EXPECT_EQ(read_field->splats.places, scene_field.splats.places);
+    EXPECT_EQ(read_field->splats.log_scales, scene_field.splats.log_scales);
+    EXPECT_EQ(read_field->splats.rotations, scene_field.splats.rotations);
+    EXPECT_EQ(read_field->splats.opacities, scene_field.splats.opacities);
+    EXPECT_EQ(read_field->splats.colours, scene_field.splats.colours);
+    EXPECT_EQ(read_field->splat_focal_px, 321);
+    EXPECT_EQ(read_field->splat_share, 0.125f);
+    EXPECT_EQ(read.splats.error_ratio, 1.5);
+    EXPECT_EQ(read.field_s, 3);
+    EXPECT_EQ(read.splats.step, 12u);
+    EXPECT_TRUE(read.splats.is_judged);
+    EXPECT_EQ(read.splats.begin_s, 4);
+    EXPECT_EQ(read.splats.squared_error, 0.25);
+    EXPECT_EQ(read.splats.moments.sizes, state.splats.moments.sizes);
+    EXPECT_EQ(read.splats.moments.m.colours, state.splats.moments.m.colours);
+    EXPECT_EQ(read.splats.moments.v.rotations, state.splats.moments.v.rotations);
+  }
 }
 
 TEST(CheckpointHeader, GridsThatTheSamplerCannotWalkAreRefused) {

@@ -16,7 +16,7 @@ constexpr int kWidth = 64, kHeight = 48, kViews = 6;
 SplatView ViewFrom(double angle) {
   SplatView view = tests::SomeView(kWidth, kHeight);
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  view.world_from_cam = io::Rigid3d{turn, {}} * view.world_from_cam;
+  view.world_from_cam = io::Rigid3d{turn, Eigen::Vector3d::Zero()} * view.world_from_cam;
   return view;
 }
 
@@ -32,7 +32,7 @@ std::uint8_t Byte(double value) {
 SplatTarget TargetFrom(const Splats& splats, const SplatView& view) {
   const std::vector<double> black = RenderPlainly(splats, view, {0, 0, 0}),
                             white = RenderPlainly(splats, view, {1, 1, 1});
-  SplatTarget target{view, {}};
+  SplatTarget target{view, {}, {}};
   for (std::size_t i = 0; i < black.size(); i += 3) {
     for (std::size_t c = i; c < i + 3; ++c) target.rgba.push_back(Byte(black[c]));
     target.rgba.push_back(Byte(1 - (white[i] - black[i])));

@@ -9,6 +9,12 @@
 namespace nerf {
 namespace {
 
+std::vector<float> Before(const SplatPicture& picture, const std::array<float, 3>& background) {
+  std::vector<float> rgb = picture.rgb;
+  for (std::size_t i = 0; i < rgb.size(); ++i) rgb[i] += picture.transmittance[i / 3] * background[i % 3];
+  return rgb;
+}
+
 constexpr int kUnevenWidth = 53, kUnevenHeight = 38;  // no whole tiles
 
 TEST(SplatRasteriser, ShowsWhatThePlainOneShows) {
@@ -17,7 +23,7 @@ TEST(SplatRasteriser, ShowsWhatThePlainOneShows) {
   const SplatView view = tests::SomeView(kUnevenWidth, kUnevenHeight);
   for (const std::size_t n : {0u, 1u, 700u}) {
     const Splats splats = tests::SomeSplats(n);
-    const std::vector<float> fast = rasteriser.Render(splats, view, {0.25f, 0.5f, 0.75f});
+    const std::vector<float> fast = Before(rasteriser.Render(splats, view), {0.25f, 0.5f, 0.75f});
     const std::vector<double> plain = RenderPlainly(splats, view, {0.25, 0.5, 0.75});
     ASSERT_EQ(fast.size(), plain.size());
     double most = 0, mean = 0;
@@ -31,6 +37,43 @@ TEST(SplatRasteriser, ShowsWhatThePlainOneShows) {
   }
 }
 
+// From a camera among them, splats of all sizes lie beside the picture, or reach into it from there; a
+// low-pass of another view is in both.
+TEST(SplatRasteriser, SplatsBesideThePictureAreLeftOutOnlyWhereTheyDoNotReachIt) {
+  io::Workers workers(2);
+  SplatRasteriser rasteriser(&workers);
+  SplatView view = tests::SomeView(kUnevenWidth, kUnevenHeight);
+  view.world_from_cam.translation *= 0.4;
+  view.low_pass = 2;
+  Splats splats = tests::SomeSplats(2000);
+  for (std::size_t i = 0; i < 3 * splats.size(); i += 30) splats.log_scales[i] += 2;
+  const std::vector<float> fast = Before(rasteriser.Render(splats, view), {0, 0, 0});
+  const std::vector<double> plain = RenderPlainly(splats, view, {0, 0, 0});
+  double mean = 0;
+  for (std::size_t i = 0; i < fast.size(); ++i)
+    mean += std::abs(static_cast<double>(fast[i]) - plain[i]) / static_cast<double>(fast.size());
+  EXPECT_LT(mean, 1e-5);
+}
+
+// The upper and the lower half of a picture, each as a picture of its own.
+TEST(SplatRasteriser, BandsOfAPictureFitTogether) {
+  io::Workers workers(2);
+  SplatRasteriser rasteriser(&workers);
+  const SplatView view = tests::SomeView(48, 64);
+  const Splats splats = tests::SomeSplats(300);
+  const SplatPicture whole = rasteriser.Render(splats, view);
+  std::vector<float> bands;
+  for (const int begin : {0, 32}) {
+    SplatView band = view;
+    band.camera.height = 32;
+    band.camera.cy -= begin;
+    const SplatPicture part = rasteriser.Render(splats, band);
+    bands.insert(bands.end(), part.rgb.begin(), part.rgb.end());
+  }
+  ASSERT_EQ(bands.size(), whole.rgb.size());
+  for (std::size_t i = 0; i < bands.size(); ++i) EXPECT_NEAR(bands[i], whole.rgb[i], 1.5 / 255) << i;
+}
+
 TEST(SplatRasteriser, SplatsBehindTheCameraAreNotSeen) {
   io::Workers workers(1);
   SplatRasteriser rasteriser(&workers);
@@ -42,13 +85,14 @@ TEST(SplatRasteriser, SplatsBehindTheCameraAreNotSeen) {
     for (int c = 0; c < 3; ++c)
       splats.places[3 * i + static_cast<std::size_t>(c)] = static_cast<float>(place[c]);
   }
-  for (const float value : rasteriser.Render(splats, view, {0.5f, 0.5f, 0.5f})) EXPECT_EQ(value, 0.5f);
+  for (const float value : Before(rasteriser.Render(splats, view), {0.5f, 0.5f, 0.5f}))
+    EXPECT_EQ(value, 0.5f);
   for (const double value : RenderPlainly(splats, view, {0.5, 0.5, 0.5})) EXPECT_EQ(value, 0.5);
 }
 
 // A target that is half transparent.
 SplatTarget Target() {
-  SplatTarget target{tests::SomeView(kUnevenWidth, kUnevenHeight), {}};
+  SplatTarget target{tests::SomeView(kUnevenWidth, kUnevenHeight), {}, {}};
   for (std::size_t i = 0; i < kUnevenWidth * kUnevenHeight; ++i) {
     for (const int value : {30, 60, 90, 128}) target.rgba.push_back(static_cast<std::uint8_t>(value + i % 7));
   }
@@ -108,6 +152,24 @@ TEST(SplatRasteriser, HasTheGradientOfThePlainLoss) {
   compare("opacities", &splats.opacities, gradient.opacities, 0.02);
   compare("colours", &splats.colours, gradient.colours, 1e-3);
   for (std::size_t c = 0; c < 3; ++c) EXPECT_NE(gradient.places[c], 0);  // of the one aside
+}
+
+TEST(SplatRasteriser, UnusedPixelsAddNothing) {
+  io::Workers workers(1);
+  SplatRasteriser rasteriser(&workers);
+  const Splats splats = tests::SomeSplats(50);
+  SplatTarget target = Target();
+  Splats whole, part, none;
+  whole.resize(50), part.resize(50), none.resize(50);
+  const double all = rasteriser.Gradient(splats, target, {0, 0, 0}, &whole);
+  target.used.assign(kUnevenWidth * kUnevenHeight, true);
+  for (std::size_t i = 0; i < target.used.size(); i += 2) target.used[i] = false;
+  const double half = rasteriser.Gradient(splats, target, {0, 0, 0}, &part);
+  EXPECT_NEAR(half, all / 2, 0.1 * all);
+  EXPECT_NE(part.colours, whole.colours);
+  target.used.assign(target.used.size(), false);
+  EXPECT_EQ(rasteriser.Gradient(splats, target, {0, 0, 0}, &none), 0);
+  for (const float value : none.colours) EXPECT_EQ(value, 0);
 }
 
 TEST(SplatRasteriser, ThreadsDoNotMatter) {

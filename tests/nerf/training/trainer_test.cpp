@@ -12,6 +12,7 @@
 #include "io/base/hash.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/trained_field.h"
+#include "nerf/training/splat_fit.h"
 #include "tests/support/ball_scene.h"
 #include "tests/support/temp_dir.h"
 
@@ -106,6 +107,35 @@ TEST(Trainer, LearnsOpaquePicturesInContractedSpace) {
   options.threads = 2;
   const TrainReport report = Train(train, heldout, options, dir.path());
   EXPECT_GE(report.heldout_psnr, 22.0);
+}
+
+// Splats are of the field that they began on: a field that is trained further gets new ones.
+TEST(Trainer, SplatsFollowTheFieldAndAreDoneOnce) {
+  const TempDir dir;
+  const io::Scene train = MakeScene(dir.path(), 8, 0, Behind::kRoom);
+  TrainOptions options = SmallOptions(60);
+  const auto state_after = [&] {
+    const TrainReport report = Train(train, {}, options, dir.path());
+    TrainState state;
+    ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
+    EXPECT_TRUE(state.splats.moments.empty());
+    EXPECT_GE(state.elapsed_s, state.field_s);
+    return state;
+  };
+  const TrainState first = state_after(), again = state_after();
+  EXPECT_EQ(first.splats.step, 1u + 60 / kFieldSteps);
+  EXPECT_EQ(again.splats.step, first.splats.step);
+  EXPECT_EQ(again.splats.squared_error, first.splats.squared_error);
+  options.steps = 90;
+  const TrainState further = state_after();
+  EXPECT_EQ(further.step, 90u);
+  EXPECT_EQ(further.splats.step, 1u + 90 / kFieldSteps);
+  EXPECT_NE(further.splats.squared_error, first.splats.squared_error);
+  const TempDir without;
+  options.splats = false;
+  Train(train, {}, options, without.path());
+  TrainState state;
+  EXPECT_EQ(ReadCheckpoint(without.path() / "checkpoint.bin", &state)->splats.size(), 0u);
 }
 
 TEST(Trainer, SameBytesForAnyNumberOfThreads) {

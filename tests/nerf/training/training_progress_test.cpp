@@ -7,28 +7,22 @@ namespace nerf {
 namespace {
 
 TEST(TrainingProgress, IsTheShareOfStepsOrElseOfTime) {
-  TrainOptions options;
-  options.time_s = 200;
-  const TrainingProgress progress(options);
+  const TrainingProgress progress(0, 200), by_steps(10, 200);
   EXPECT_DOUBLE_EQ(progress.At(7, 50), 0.25);
   EXPECT_DOUBLE_EQ(progress.LeftSeconds(7, 50), 150);
   EXPECT_DOUBLE_EQ(progress.At(7, 300), 1);
-  options.steps = 10;
-  EXPECT_DOUBLE_EQ(progress.At(4, 50), 0.4);
-  EXPECT_DOUBLE_EQ(progress.LeftSeconds(4, 50), 75);
+  EXPECT_DOUBLE_EQ(by_steps.At(4, 50), 0.4);
+  EXPECT_DOUBLE_EQ(by_steps.LeftSeconds(4, 50), 75);
 }
 
 TEST(TrainingProgress, GoesThroughTheRestInAShareOfTheTimeSoFar) {
-  TrainOptions options;
-  options.time_s = 200;
-  TrainingProgress progress(options);
+  TrainingProgress progress(0, 200), early = progress, late = progress;
   progress.End(0, 100);
   EXPECT_DOUBLE_EQ(progress.At(0, 100), 0.5);
   EXPECT_DOUBLE_EQ(progress.At(0, 107.5), 0.75);
   EXPECT_DOUBLE_EQ(progress.LeftSeconds(0, 107.5), 7.5);
   EXPECT_DOUBLE_EQ(progress.At(0, 115), 1);
 
-  TrainingProgress early(options), late(options);
   early.End(0, 2);
   EXPECT_DOUBLE_EQ(early.LeftSeconds(0, 2), 1);  // at least a second ...
   late.End(0, 199.5);

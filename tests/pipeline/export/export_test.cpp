@@ -10,7 +10,9 @@
 #include "io/base/error.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
+#include "nerf/fields/checkpoint.h"
 #include "tests/support/small_run.h"
+#include "tests/support/some_splats.h"
 #include "tests/support/sphere_export.h"
 
 namespace pipeline {
@@ -118,6 +120,25 @@ TEST_F(ExportCommand, WritesAllKindsInOneCall) {
       << error_;
   EXPECT_EQ(ReadText(dir_ / "p.ply"), points_before);
   EXPECT_EQ(ReadText(dir_ / "s.ply"), splats_before);
+}
+
+TEST_F(ExportCommand, SplatsOfTheTrainingAreWrittenUnlessOthersAreAskedFor) {
+  const fs::path checkpoint = small_->path() / "train/checkpoint.bin";
+  const std::string before = ReadText(checkpoint);
+  nerf::TrainState state;
+  const auto scene_field = nerf::ReadCheckpoint(checkpoint, &state);
+  scene_field->splats = tests::SomeSplats(37);
+  nerf::WriteCheckpoint(checkpoint, scene_field.get(), state);
+  small_->RecordTraining();
+  EXPECT_EQ(Run({"--splats=" + Path("own.ply")}), 0) << error_;
+  EXPECT_EQ(Run({"--splats=" + Path("other.ply"), "--max-splats=1000", "--splat-steps=0"}), 0) << error_;
+  WriteText(checkpoint, before);
+  small_->RecordTraining();
+  const auto own = tests::PlyColumns(dir_ / "own.ply");
+  ASSERT_EQ(own.at("x").size(), 37u);
+  for (std::size_t i = 0; i < 37; ++i)
+    EXPECT_NEAR(own.at("y")[i], scene_field->splats.places[3 * i + 1], 1e-6);
+  EXPECT_GT(tests::PlyColumns(dir_ / "other.ply").at("x").size(), 100u);
 }
 
 TEST_F(ExportCommand, ACropBoxCutsAllThatTheFieldShows) {

@@ -60,7 +60,7 @@ class Played {
     WriteText(dir_ / "page.png", FromBase64(address.substr(address.find(',') + 1)));
     const io::Image page = io::ReadImage(dir_ / "page.png");
     const auto field = nerf::TrainedField::Load(dir_ / "train/checkpoint.bin");
-    const nerf::RenderedView view = field->Render(camera, pose, {});
+    const nerf::RenderedView view = field->Render(camera, pose, {.splats = false});  // the page has none
     double sum = 0;
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {

@@ -94,11 +94,11 @@ class Ranks : public testing::Test {
   std::string Log(int rank) const { return (dir_ / ("rank" + std::to_string(rank))).string(); }
   std::string Said(int rank) const { return ReadText(Log(rank)); }
 
-  // The checkpoint without the time that it took.
+  // The checkpoint without the times that it took.
   std::string Trained(const fs::path& run) const {
     nerf::TrainState state;
     const auto field = nerf::ReadCheckpoint(run / "train/checkpoint.bin", &state);
-    state.elapsed_s = 0;
+    state.elapsed_s = state.field_s = state.splats.begin_s = 0;
     nerf::WriteCheckpoint(dir_ / "checkpoint.bin", field.get(), state);
     return ReadText(dir_ / "checkpoint.bin");
   }

@@ -1,4 +1,4 @@
-#include "pipeline/export/point_spacing.h"
+#include "nerf/splatting/point_spacing.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "io/base/interrupt.h"
 
-namespace pipeline {
+namespace nerf {
 namespace {
 
 constexpr int kNeighbours = 8;
@@ -16,14 +16,13 @@ constexpr int kBatch = 1 << 14;
 
 }  // namespace
 
-std::vector<double> PointSpacing(const std::vector<Surfel>& surfels) {
-  const int n = static_cast<int>(surfels.size()), k = std::min(kNeighbours, n - 1);
-  std::vector<double> spacing(surfels.size());
+std::vector<double> PointSpacing(const std::vector<Eigen::Vector3f>& points) {
+  const int n = static_cast<int>(points.size()), k = std::min(kNeighbours, n - 1);
+  std::vector<double> spacing(points.size());
   if (k < 1) return spacing;
   cv::Mat places(n, 3, CV_32F);
   for (int i = 0; i < n; ++i)
-    Eigen::Map<Eigen::Vector3f>(places.ptr<float>(i)) =
-        surfels[static_cast<std::size_t>(i)].position.cast<float>();
+    Eigen::Map<Eigen::Vector3f>(places.ptr<float>(i)) = points[static_cast<std::size_t>(i)];
   cv::flann::GenericIndex<cvflann::L2_Simple<float>> tree(places, cvflann::KDTreeSingleIndexParams());
   for (int begin = 0; begin < n; begin += kBatch) {
     io::ThrowIfInterrupted();
@@ -37,4 +36,4 @@ std::vector<double> PointSpacing(const std::vector<Surfel>& surfels) {
   return spacing;
 }
 
-}  // namespace pipeline
+}  // namespace nerf

@@ -1,0 +1,35 @@
+// The picture of a trained field and that of its splats in one.
+//
+// The field is smooth and complete; splats are sharp where photographs show them often, and let light pass
+// where they do not reach. What they let pass is filled by the field, and a mean of both pictures has less
+// error than either: their faults differ.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "io/base/parallel.h"
+#include "nerf/fields/scene_field.h"
+
+namespace nerf {
+
+// A value of the picture, from the field's and the splats' before black. share: SceneField::splat_share.
+inline float MixedValue(float field, float splats, float transmittance, float share) {
+  const float over = splats + transmittance * field;
+  return std::clamp(field + share * (over - field), 0.f, 1.f);
+}
+
+// A view for the scene's splats. Their pictures were fitted with a focal length of splat_focal_px, through
+// whose pixels they look: a longer one magnifies these.
+SplatView SplatViewOf(const SceneField& scene_field,
+                      const io::Camera& camera,
+                      const io::Rigid3d& world_from_cam);
+
+// rgb: [height][width][3], of the field, background included. Without splats nothing changes.
+void MixSplats(const SceneField& scene_field,
+               const io::Camera& camera,
+               const io::Rigid3d& world_from_cam,
+               io::Workers* workers,
+               std::vector<float>* rgb);
+
+}  // namespace nerf

@@ -1,0 +1,49 @@
+#include "nerf/splatting/surface_splats.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "nerf/splatting/point_spacing.h"
+
+namespace nerf {
+namespace {
+
+// Standard deviation along the surface per spacing of the splats: their sum then varies by a few per cent.
+constexpr double kSigmaPerSpacing = 0.6;
+// Standard deviation across the surface, as a share of the one along it.
+constexpr double kFlatness = 0.1;
+// Bounds of the spacing among neighbours, in footprints of a pixel: splats that coincide must not vanish, nor
+// lonely ones swell.
+constexpr double kMinSpacing = 0.3, kMaxSpacing = 10;
+constexpr double kFirstOpacity = 0.9;
+
+}  // namespace
+
+Splats SplatsOn(const std::vector<SurfacePoint>& points) {
+  std::vector<Eigen::Vector3f> positions;
+  for (const SurfacePoint& point : points) positions.push_back(point.position);
+  const std::vector<double> spacing = PointSpacing(positions);
+  Splats splats;
+  splats.resize(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const SurfacePoint& point = points[i];
+    const double footprint = point.footprint;
+    const double sigma =
+        kSigmaPerSpacing * std::clamp(spacing[i] / footprint, kMinSpacing, kMaxSpacing) * footprint;
+    const auto turn =
+        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), point.normal.cast<double>());
+    using Row = Eigen::Map<Eigen::Vector3f>;
+    Row(&splats.places[3 * i]) = point.position;
+    Row(&splats.log_scales[3 * i]) =
+        Eigen::Vector3d(sigma, sigma, kFlatness * sigma).array().log().cast<float>();
+    splats.rotations[4 * i] = static_cast<float>(turn.w());
+    Row(&splats.rotations[4 * i + 1]) = turn.vec().cast<float>();
+    splats.opacities[i] = static_cast<float>(std::log(kFirstOpacity / (1 - kFirstOpacity)));
+    Row(&splats.colours[3 * kHarmonics * i]) =
+        ((point.rgb.array().cast<double>() - 0.5) / kHarmonic0).cast<float>();
+  }
+  return splats;
+}
+
+}  // namespace nerf

@@ -1,0 +1,23 @@
+// Points of the surfaces that a trained field shows to its training views.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "nerf/data/dataset.h"
+#include "nerf/fields/scene_field.h"
+#include "nerf/splatting/surface_splats.h"
+
+namespace nerf {
+
+// `number` used pixels of all views, chosen by chance, each at the distance where half of its ray's light is
+// absorbed, with the colour of the photograph. Normals are those of the plane through the pixel and two
+// beside it, and where these show something else they point to the camera. Where rays leave the scene the
+// point lies in the sky, too far away to move between views; without a sky, there is none.
+std::vector<SurfacePoint> FieldSurface(const SceneField& scene_field,
+                                       const Dataset& dataset,
+                                       std::size_t number,
+                                       std::uint64_t seed,
+                                       io::Workers* workers);
+
+}  // namespace nerf

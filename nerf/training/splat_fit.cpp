@@ -1,0 +1,172 @@
+#include "nerf/training/splat_fit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "io/base/median.h"
+#include "nerf/rendering/splat_mixing.h"
+#include "nerf/rendering/support_map.h"
+#include "nerf/training/field_surface.h"
+
+namespace nerf {
+namespace {
+
+constexpr std::size_t kMaxSplats = 200000;
+// Used pixels of all pictures per splat, at least.
+constexpr std::size_t kPixelsPerSplat = 4;
+// Longer side of the pictures that splats are fitted to, in pixels.
+constexpr int kFitSide = 512;
+// When the pictures that were set aside are looked at, as a share of the fit.
+constexpr double kJudgedAt = 0.5;
+constexpr double kLeastError = 1e-6;  // 60 dB: below, 8 bits tell nothing
+constexpr double kErrorDecay = 0.98;  // running mean of the squared error, about 50 steps
+// Squared error of a field on pictures that it has not seen, over that on its training rays: half of what the
+// splats' is, within what fields had in dense captures and in sparse ones.
+constexpr double kFieldRatioPerSplats = 0.5, kLeastFieldRatio = 2, kMostFieldRatio = 4.5;
+// Splats have no more: where they let no light pass they are all that shows.
+constexpr double kMostShare = 0.6;
+// With less, they are not worth the time that they take in every picture.
+constexpr double kLeastShare = 0.1;
+
+}  // namespace
+
+std::size_t SplatFit::Number(std::size_t n_pixels) {
+  return std::min(kMaxSplats, n_pixels / kPixelsPerSplat);
+}
+
+std::size_t SplatFit::Bytes(std::size_t n_pixels) {
+  // Values, moments, gradients, a copy while a checkpoint is written; and in the picture of a room, which
+  // each splat meets in a few tiles, their places and gradients.
+  constexpr std::size_t kPerSplat = 23 * sizeof(float) * 6, kInPicture = 400;
+  return Number(n_pixels) * (kPerSplat + kInPicture);
+}
+
+SplatFit::SplatFit(const io::Scene& scene,
+                   const Dataset& dataset,
+                   std::vector<io::Rigid3d> world_from_cam,
+                   SceneField* scene_field,
+                   TrainState* state,
+                   io::Workers* workers)
+    : scene_(scene),
+      dataset_(dataset),
+      world_from_cam_(std::move(world_from_cam)),
+      used_(dataset.UsedPixels()),
+      scene_field_(scene_field),
+      state_(state),
+      workers_(workers) {
+  if (state->splats.moments.empty()) Begin();
+  for (std::size_t view = 0; view < dataset.views.size(); ++view) {
+    const bool is_aside = view % kJudgedEvery == kJudgedEvery / 2;
+    if (is_aside) aside_.push_back(view);
+    if (!is_aside || state->splats.is_judged) fitted_.push_back(view);
+  }
+  adam_.emplace(&scene_field->splats, &state->splats.moments, workers);
+}
+
+void SplatFit::Begin() {
+  const std::size_t number = Number(dataset_.n_used());
+  scene_field_->splats = SplatsOn(FieldSurface(*scene_field_, dataset_, number, state_->seed, workers_));
+  std::vector<double> focal_lengths;
+  for (const io::Frame& frame : scene_.frames)
+    focal_lengths.push_back(
+        SmallCamera(scene_.cameras[static_cast<std::size_t>(frame.camera_index)], kFitSide).fl_x);
+  scene_field_->splat_focal_px = static_cast<float>(io::Median(std::move(focal_lengths)));
+  state_->splats.moments = FirstMoments(scene_field_->splats);
+}
+
+SplatTarget SplatFit::Target(std::size_t index) const {
+  const View& view = dataset_.views[index];
+  io::Image photo{.width = view.width, .height = view.height, .channels = 3};
+  const auto first = dataset_.pixels.begin() + static_cast<std::ptrdiff_t>(3 * view.first_pixel);
+  photo.data.assign(first, first + static_cast<std::ptrdiff_t>(3 * view.n_pixels()));
+  io::Mask mask{.width = view.width, .height = view.height, .used = {}};
+  for (std::size_t i = 0; i < view.n_pixels() && !used_.empty(); ++i)
+    mask.used.push_back(used_[view.first_pixel + i] ? 255 : 0);
+
+  const io::Frame& frame = scene_.frames[index];
+  const io::Camera camera =
+      SmallCamera(scene_.cameras[static_cast<std::size_t>(frame.camera_index)], kFitSide);
+  if (camera.width != photo.width || camera.height != photo.height) {
+    photo = io::ResizeArea(photo, camera.width, camera.height);
+    if (!mask.used.empty()) mask = io::ShrinkMask(mask, camera.width, camera.height);
+  }
+  SplatTarget target{{camera, world_from_cam_[index]}, {}, {}};
+  for (std::size_t i = 0; i < photo.data.size() / 3; ++i) {
+    target.rgba.insert(target.rgba.end(), &photo.data[3 * i], &photo.data[3 * i] + 3);
+    target.rgba.push_back(255);
+    if (!mask.used.empty()) target.used.push_back(mask.Uses(i));
+  }
+  return target;
+}
+
+void SplatFit::Step(double progress) {
+  if (!state_->splats.is_judged && progress >= kJudgedAt) Judge();
+  SplatState& splats = state_->splats;
+  const std::size_t view = fitted_[SplatTurn(fitted_.size(), state_->seed, splats.step)];
+  const double mse =
+      adam_->Step(Target(view), SplatBackground(state_->seed, splats.step), splats.step, progress);
+  splats.squared_error =
+      splats.squared_error < 0 ? mse : kErrorDecay * splats.squared_error + (1 - kErrorDecay) * mse;
+  ++splats.step;
+  ChooseShare();
+}
+
+// Of two pictures with independent errors the mean by the inverse of these is the best. On pictures that
+// neither has seen, the errors are larger than those of training.
+void SplatFit::ChooseShare() {
+  const double ratio = state_->splats.error_ratio;
+  const double field = std::clamp(kFieldRatioPerSplats * ratio, kLeastFieldRatio, kMostFieldRatio) *
+                       state_->squared_error,
+               splats = ratio * state_->splats.squared_error;
+  scene_field_->splat_share = static_cast<float>(std::min(kMostShare, field / (field + splats)));
+}
+
+std::string SplatFit::Finish() {
+  SplatState& state = state_->splats;
+  state.moments = {};
+  const double share = scene_field_->splat_share;
+  std::string text = fmt::format(
+      "{} splats in {} steps, {:.0f} % of the picture", scene_field_->splats.size(), state.step, 100 * share);
+  if (state.is_judged)
+    text += fmt::format("; {:.1f} times the squared error on {} pictures that were set aside",
+                        state.error_ratio,
+                        aside_.size());
+  if (share >= kLeastShare) return text;
+  scene_field_->splats = {};
+  return text + "; dropped, for so little is not worth its time";
+}
+
+// Over the used pixels of a view, before black.
+double SplatFit::SquaredError(std::size_t index) {
+  const SplatTarget target = Target(index);
+  const SplatPicture picture = SplatRasteriser(workers_).Render(scene_field_->splats, target.view);
+  double sum = 0;
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < picture.transmittance.size(); ++i) {
+    if (!target.used.empty() && !target.used[i]) continue;
+    ++n;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double error = picture.rgb[3 * i + c] - target.rgba[4 * i + c] / 255.f;
+      sum += error * error;
+    }
+  }
+  return sum / static_cast<double>(3 * std::max<std::size_t>(n, 1));
+}
+
+void SplatFit::Judge() {
+  std::vector<double> ratios;
+  for (const std::size_t view : aside_) {
+    const std::size_t after = view + 1 < dataset_.views.size() ? view + 1 : view - 1;
+    const double beside = 0.5 * (SquaredError(view - 1) + SquaredError(after));
+    ratios.push_back(SquaredError(view) / std::max(beside, kLeastError));
+  }
+  state_->splats.is_judged = true;
+  state_->splats.error_ratio = io::Median(std::move(ratios));
+  fitted_.insert(fitted_.end(), aside_.begin(), aside_.end());
+  std::sort(fitted_.begin(), fitted_.end());
+}
+
+}  // namespace nerf

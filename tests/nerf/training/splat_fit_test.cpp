@@ -1,0 +1,158 @@
+// Splats seeded on a trained field and fitted to its pictures: better pictures, and the same bytes again.
+#include "nerf/training/splat_fit.h"
+
+#include <gtest/gtest.h>
+
+#include "nerf/rendering/capture_geometry.h"
+#include "nerf/rendering/trained_field.h"
+#include "nerf/training/field_surface.h"
+#include "nerf/training/heldout_monitor.h"
+#include "nerf/training/trainer.h"
+#include "tests/support/ball_scene.h"
+#include "tests/support/temp_dir.h"
+
+namespace nerf {
+namespace {
+
+TrainOptions FitOptions(int steps) {
+  TrainOptions options;
+  options.steps = steps;
+  options.samples_per_step = 8192;
+  options.threads = 2;
+  options.field.log2_hashmap_size = 12;
+  options.field.finest_resolution = 64;
+  options.field.grid_resolution = 64;
+  return options;
+}
+
+// A ball in a room, and a field that was trained on it without splats.
+class SplatFits : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    dir_ = std::make_unique<TempDir>();
+    const tests::BallSceneOptions room{.size = 48, .behind = tests::Behind::kRoom};
+    scene_ = tests::BallScene(dir_->path(), 32, 0, room);
+    heldout_ = tests::BallScene(dir_->path(), 4, 0.37, room);
+    TrainOptions options = FitOptions(600);
+    options.splats = false;
+    Train(scene_, {}, options, dir_->path());
+  }
+  static void TearDownTestSuite() { dir_.reset(); }
+
+  SplatFits() : dataset_(LoadDataset(scene_, 2)) {
+    scene_field_ = ReadCheckpoint(*dir_ / "checkpoint.bin", &state_);
+  }
+
+  SplatFit Fit(io::Workers* workers) {
+    return SplatFit(scene_, dataset_, PosesOf(scene_), scene_field_.get(), &state_, workers);
+  }
+
+  static inline std::unique_ptr<TempDir> dir_;
+  static inline io::Scene scene_, heldout_;
+  Dataset dataset_;
+  TrainState state_;
+  std::unique_ptr<SceneField> scene_field_;
+  io::Workers workers_{2};
+};
+
+TEST_F(SplatFits, SurfacePointsLieOnTheBallAndOnTheWalls) {
+  const std::vector<SurfacePoint> points = FieldSurface(*scene_field_, dataset_, 500, 1, &workers_);
+  ASSERT_EQ(points.size(), 500u);
+  int n_ball = 0, n_upright = 0;
+  for (const SurfacePoint& point : points) {
+    EXPECT_NEAR(point.normal.norm(), 1, 1e-5);
+    EXPECT_GT(point.footprint, 0);
+    if (std::abs(point.position.norm() - 0.8f) > 0.1f) continue;
+    ++n_ball;
+    n_upright += point.normal.dot(point.position.normalized()) > 0.7f;
+  }
+  EXPECT_GT(n_ball, 60);  // it covers a fifth of the pictures
+  EXPECT_GT(n_upright, n_ball * 6 / 10);
+}
+
+TEST_F(SplatFits, MakeHeldOutPicturesBetter) {
+  const HeldoutMonitor monitor(heldout_, 2, 0.5);
+  const double before = monitor.Psnr(*scene_field_, &workers_);
+  SplatFit fit = Fit(&workers_);
+  EXPECT_EQ(scene_field_->splats.size(), SplatFit::Number(dataset_.n_used()));
+  // A short fit leaves splats that are worse than the field, and counts them accordingly.
+  for (int i = 0; i < 40; ++i) fit.Step(i / 400.0);
+  EXPECT_LT(scene_field_->splat_share, 0.1f);
+  EXPECT_GT(monitor.Psnr(*scene_field_, &workers_), before - 0.3);
+  for (int i = 40; i < 400; ++i) fit.Step(i / 400.0);
+  EXPECT_EQ(state_.splats.step, 400u);
+  EXPECT_TRUE(state_.splats.is_judged);
+  const std::string text = fit.Finish();
+  EXPECT_NE(text.find("4 pictures that were set aside"), std::string::npos) << text;
+  EXPECT_GT(scene_field_->splats.size(), 0u);
+  EXPECT_TRUE(state_.splats.moments.empty());
+  EXPECT_GT(monitor.Psnr(*scene_field_, &workers_), before + 0.5);
+  EXPECT_GT(scene_field_->splat_share, 0.2f);
+
+  // The monitor's picture is that of the trained field.
+  WriteCheckpoint(*dir_ / "fitted.bin", scene_field_.get(), state_);
+  const auto field = TrainedField::Load(*dir_ / "fitted.bin");
+  const auto render = [&](bool splats) {
+    return field
+        ->Render(heldout_.cameras[0],
+                 heldout_.frames[0].world_from_cam,
+                 {.threads = 2, .step_scale = 1, .splats = splats})
+        .rgb;
+  };
+  EXPECT_NE(render(true), render(false));
+}
+
+TEST_F(SplatFits, ThreadsAndInterruptionsDoNotMatter) {
+  std::vector<Splats> results;
+  for (const int threads : {1, 3}) {
+    io::Workers workers(threads);
+    TrainState state;
+    auto field = ReadCheckpoint(*dir_ / "checkpoint.bin", &state);
+    std::optional<SplatFit> fit(
+        std::in_place, scene_, dataset_, PosesOf(scene_), field.get(), &state, &workers);
+    for (int i = 0; i < 10; ++i) {
+      // One of them is cut by a checkpoint before and one after the referee.
+      if (threads == 3 && (i == 3 || i == 8)) {
+        fit.reset();
+        WriteCheckpoint(*dir_ / "cut.bin", field.get(), state);
+        state = {};
+        field = ReadCheckpoint(*dir_ / "cut.bin", &state);
+        fit.emplace(scene_, dataset_, PosesOf(scene_), field.get(), &state, &workers);
+      }
+      fit->Step(i / 10.0);
+    }
+    results.push_back(field->splats);
+  }
+  EXPECT_EQ(results[0].places, results[1].places);
+  EXPECT_EQ(results[0].log_scales, results[1].log_scales);
+  EXPECT_EQ(results[0].rotations, results[1].rotations);
+  EXPECT_EQ(results[0].opacities, results[1].opacities);
+  EXPECT_EQ(results[0].colours, results[1].colours);
+}
+
+// Every picture set aside shows something else than its neighbours do.
+TEST_F(SplatFits, ThatLearnThePicturesByHeartCountForNothing) {
+  for (std::size_t v = kJudgedEvery / 2; v < dataset_.views.size(); v += kJudgedEvery) {
+    const View& view = dataset_.views[v];
+    for (std::size_t i = 0; i < 3 * view.n_pixels(); ++i) dataset_.pixels[3 * view.first_pixel + i] ^= 0xff;
+  }
+  SplatFit fit = Fit(&workers_);
+  for (int i = 0; i < 100; ++i) fit.Step(i / 100.0);
+  EXPECT_GT(state_.splats.error_ratio, 10);
+  EXPECT_LT(scene_field_->splat_share, 0.1f);
+  EXPECT_NE(fit.Finish().find("dropped"), std::string::npos);
+  EXPECT_EQ(scene_field_->splats.size(), 0u);
+}
+
+TEST_F(SplatFits, NeedOpaquePicturesAndEnoughOfThem) {
+  EXPECT_TRUE(SplatFit::Suits(dataset_, FieldKind::kHash));
+  EXPECT_FALSE(SplatFit::Suits(dataset_, FieldKind::kMlp));
+  Dataset few = dataset_, with_alpha = dataset_;
+  few.views.erase(few.views.begin() + kJudgedEvery - 1, few.views.end());
+  with_alpha.channels = 4;
+  EXPECT_FALSE(SplatFit::Suits(few, FieldKind::kHash));
+  EXPECT_FALSE(SplatFit::Suits(with_alpha, FieldKind::kHash));
+}
+
+}  // namespace
+}  // namespace nerf
