@@ -10,6 +10,7 @@
 #include "pipeline/stage/run_record.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/support/small_colmap_model.h"
+#include "tests/support/some_splats.h"
 
 namespace {
 
