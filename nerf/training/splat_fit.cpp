@@ -26,10 +26,17 @@ constexpr double kErrorDecay = 0.98;  // running mean of the squared error, abou
 // Squared error of a field on pictures that it has not seen, over that on its training rays: half of what the
 // splats' is, within what fields had in dense captures and in sparse ones.
 constexpr double kFieldRatioPerSplats = 0.5, kLeastFieldRatio = 2, kMostFieldRatio = 4.5;
-// Splats have no more: where they let no light pass they are all that shows.
-constexpr double kMostShare = 0.6;
+// Splats have no more: where few photographs look, beside those that were set aside, the field is steadier.
+constexpr double kMostShare = 0.8;
 // With less, they are not worth the time that they take in every picture.
 constexpr double kLeastShare = 0.1;
+
+// Of the picture's pixels.
+double UsedShare(const SplatTarget& target) {
+  if (target.used.empty()) return 1;
+  const auto n = static_cast<double>(std::count(target.used.begin(), target.used.end(), true));
+  return std::max(n, 1.0) / static_cast<double>(target.used.size());
+}
 
 }  // namespace
 
@@ -106,8 +113,9 @@ void SplatFit::Step(double progress) {
   if (!state_->splats.is_judged && progress >= kJudgedAt) Judge();
   SplatState& splats = state_->splats;
   const std::size_t view = fitted_[SplatTurn(fitted_.size(), state_->seed, splats.step)];
-  const double mse =
-      adam_->Step(Target(view), SplatBackground(state_->seed, splats.step), splats.step, progress);
+  const SplatTarget target = Target(view);
+  const double mse = adam_->Step(target, SplatBackground(state_->seed, splats.step), splats.step, progress) /
+                     UsedShare(target);
   splats.squared_error =
       splats.squared_error < 0 ? mse : kErrorDecay * splats.squared_error + (1 - kErrorDecay) * mse;
   ++splats.step;

@@ -144,6 +144,23 @@ TEST_F(SplatFits, ThatLearnThePicturesByHeartCountForNothing) {
   EXPECT_EQ(scene_field_->splats.size(), 0u);
 }
 
+// The error that decides the share is that of used pixels: halving these halves nothing.
+TEST_F(SplatFits, UnusedPixelsDoNotMakeSplatsLookBetter) {
+  SplatFit whole = Fit(&workers_);
+  whole.Step(0);
+  const double error = state_.splats.squared_error;
+  scene_field_ = ReadCheckpoint(*dir_ / "checkpoint.bin", &state_);
+  std::vector<PixelRun> runs;  // every other row
+  std::uint32_t rank = 0;
+  for (std::uint32_t first = 0; first < dataset_.n_pixels(); first += 96, rank += 48)
+    runs.push_back({rank, first});
+  runs.push_back({rank, static_cast<std::uint32_t>(dataset_.n_pixels())});
+  dataset_.runs = PixelRuns(runs);
+  SplatFit part = Fit(&workers_);
+  part.Step(0);
+  EXPECT_NEAR(state_.splats.squared_error, error, 0.25 * error);
+}
+
 TEST_F(SplatFits, NeedOpaquePicturesAndEnoughOfThem) {
   EXPECT_TRUE(SplatFit::Suits(dataset_, FieldKind::kHash));
   EXPECT_FALSE(SplatFit::Suits(dataset_, FieldKind::kMlp));
