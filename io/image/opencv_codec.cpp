@@ -111,6 +111,12 @@ Image DecodeWithOpenCv(std::string_view file, std::vector<std::string>* notes) {
   const MediaType type = MediaTypeOf(file);
   constexpr std::size_t kShortestHeader = 30;  // of those below
   if (type != MediaType::kUnknown && file.size() < kShortestHeader) Refuse("the file ends inside its header");
+  // Where the decoder of this type does not want the file, OpenCV asks the others, of which that of DICOM
+  // looks at this place alone, and its library ends the program where the rest is damaged.
+  constexpr std::size_t kDicomAt = 128;
+  constexpr std::string_view kDicom = "DICM";
+  if (file.size() > kDicomAt && file.substr(kDicomAt, kDicom.size()) == kDicom)
+    Refuse("cannot be told from DICOM");
   if (type == MediaType::kPng) CheckPngHeader(file);
   if (type == MediaType::kWebp) CheckWebpHeader(file);
   std::string corrected;

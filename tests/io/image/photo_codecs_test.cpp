@@ -132,6 +132,17 @@ TEST(PhotoCodecs, DamagedFilesAreRefused) {
   EXPECT_NE(ReasonFor("GIF89a..............................").find("GIF"), std::string::npos);
 }
 
+// A WebP that is none, with what a DICOM file has at its place and behind it: OpenCV would ask that decoder.
+TEST(PhotoCodecs, DicomIsNotDecoded) {
+  std::string file("RIFF\x30\0\0\0WEBPVPV\0\0\0\0\0", 20);
+  file.resize(128, '\xf6');
+  file +=
+      "DICM\xf6\xf6\xf6"
+      "DOB\xd8\x0cV";
+  file += '\0';
+  EXPECT_NE(ReasonFor(file).find("DICOM"), std::string::npos);
+}
+
 // The size fields of a small PNG or JPEG overwritten.
 TEST(PhotoCodecs, BombsAreRefusedByTheirHeader) {
   std::string png = Encode(".png", Picture(CV_8UC3));
