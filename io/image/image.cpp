@@ -36,6 +36,13 @@ Image ReadImage(const std::filesystem::path& path) {
   }
 }
 
+Image WithoutAlpha(const Image& image) {
+  Image rgb = MakeImage(image.width, image.height, 3);
+  cv::Mat target(image.height, image.width, CV_8UC3, rgb.data.data());
+  cv::cvtColor(ToMat(image), target, cv::COLOR_RGBA2RGB);
+  return rgb;
+}
+
 std::vector<std::uint8_t> EncodeImage(const Image& image, const char* extension) {
   cv::Mat bgr;
   cv::cvtColor(ToMat(image), bgr, image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);

@@ -36,6 +36,9 @@ std::vector<std::uint8_t> EncodeImage(const Image& image, const char* extension)
 // and returned straight, so that resizing and compositing commute.
 Image ResizeArea(const Image& image, int width, int height);
 
+// The colours of an RGBA picture as they are stored.
+Image WithoutAlpha(const Image& image);
+
 // rgb * alpha + (1 - alpha) * background, background in [0, 255]. RGB pictures are returned unchanged.
 Image CompositeOn(const Image& image, std::uint8_t background);
 

@@ -40,12 +40,6 @@ bool IsOpaque(const Image& image) {
   return true;
 }
 
-Image WithoutAlpha(const Image& image) {
-  Image rgb = MakeImage(image.width, image.height, 3);
-  for (std::size_t i = 0; i < rgb.data.size(); ++i) rgb.data[i] = image.data[i / 3 * 4 + i % 3];
-  return rgb;
-}
-
 }  // namespace
 
 void CheckPhotoSize(double width, double height) {

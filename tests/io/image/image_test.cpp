@@ -134,4 +134,14 @@ TEST(Image, CompositeBlendsWithTheBackground) {
   EXPECT_EQ(io::CompositeOn(rgb, 9).data, rgb.data);
 }
 
+TEST(Image, WithoutAlphaColoursStay) {
+  const Image image = Pattern(5, 3, 4), rgb = io::WithoutAlpha(image);
+  ASSERT_EQ(rgb.channels, 3);
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 5; ++x) {
+      for (int c = 0; c < 3; ++c) EXPECT_EQ(rgb.Pixel(x, y)[c], image.Pixel(x, y)[c]);
+    }
+  }
+}
+
 }  // namespace
