@@ -36,9 +36,10 @@ Verdict Judge(const Scores& scores) {
   }
   if (!scores.training_psnr_db) return verdict;
   const double training = *scores.training_psnr_db, gap = training - heldout;
-  if (gap < kDoubtfulGapDb) return verdict;
   const bool is_solid = scores.plain_psnr_db && heldout >= *scores.plain_psnr_db + kSolidGainDb,
              is_in_place = scores.hidden_points && *scores.hidden_points < kHiddenPoints;
+  // Splats make photos that they were fitted to sharper than any field does, and views between them as well.
+  if (gap < (is_solid && is_in_place ? kFailedGapDb : kDoubtfulGapDb)) return verdict;
   verdict.outcome = gap < kFailedGapDb || is_solid || is_in_place ? Outcome::kDoubtful : Outcome::kFailed;
   verdict.text = fmt::format(
       "training pictures are {} ({:.1f} dB), the views between them are not shown as well ({:.1f} dB)",

@@ -22,7 +22,8 @@ struct Verdict {
 //             more than a tenth of what there is to see unexplained, and hide a fifth of the sparse points
 //             behind what does not stand there (where points are known: few pictures leave gaps in a right
 //             scene, too);
-//   doubtful  else, from twice the squared error of training pictures on (3 dB).
+//   doubtful  else, from twice the squared error of training pictures on (3 dB); where views lie 10 dB above
+//             one colour and hide less than a fifth of the points, from 4 times on.
 // Strays lie 6 dB or more below the median. Scores without training figures are judged by the others.
 Verdict Judge(const Scores& scores);
 

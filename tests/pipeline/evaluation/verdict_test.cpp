@@ -33,6 +33,19 @@ TEST(Verdict, ViewsThatShowNineTenthsAreNoFailure) {
   EXPECT_EQ(Judge(ScoresOf({26, 27, 28}, 35, 18)).outcome, Outcome::kFailed);
 }
 
+TEST(Verdict, SharperTrainingPicturesOfARightSceneAreNoDoubt) {
+  pipeline::Scores scores = ScoresOf({32, 33, 34}, 36.6, 13);
+  scores.hidden_points = 0.04;
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kReconstructed);
+  EXPECT_EQ(Judge(scores).text, "");
+  scores.hidden_points = 0.31;
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kDoubtful);
+  scores.hidden_points.reset();
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kDoubtful);
+  scores.hidden_points = 0.04, scores.training_psnr_db = 39.5;
+  EXPECT_EQ(Judge(scores).outcome, Outcome::kDoubtful);
+}
+
 // Few pictures leave gaps between them; surfaces in their right places are no memory of pictures.
 TEST(Verdict, SurfacesInTheirPlacesAreNoFailure) {
   pipeline::Scores scores = ScoresOf({20, 22, 24}, 34, 15);
