@@ -28,6 +28,7 @@ void CheckOptions(const ReconstructionOptions& options) {
               options.camera_model,
               {"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"});
   CheckChoice("--matching", options.matching, {"auto", "exhaustive", "likely", "sequential"});
+  CheckChoice("--mapping", options.mapping, {"auto", "whole", "blocks"});
   CheckChoice("--detector", options.detector, {"opencv", "colmap"});
   if (options.features < 100 || options.features > 16384) {
     throw Error(ExitCode::kUsage, fmt::format("--features: {} is not in 100..16384", options.features));

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "io/base/stopwatch.h"
+#include "sfm/adjust_joined.h"
 #include "sfm/bundle/camera_model_selection.h"
 #include "sfm/bundle/observation_sigma.h"
 #include "sfm/check_options.h"
@@ -23,6 +24,8 @@ namespace fs = std::filesystem;
 
 // Pictures before and after that still count as following when the order is all there is to rely on.
 constexpr int kOrderOverlap = 3;
+// Beyond, mapping in blocks takes less time: 150 pictures make three blocks of 65.
+constexpr int kMaxWholePictures = 120;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
 
@@ -117,6 +120,11 @@ void Session::ResolveContradictions() {
   best_ = Map(best_->views, std::move(matches), false);
 }
 
+bool Session::InBlocks() const {
+  if (options_.mapping == "auto") return n() > kMaxWholePictures;
+  return options_.mapping == "blocks";
+}
+
 bool Session::Registered(double share) const { return best_->Registered() >= share * n(); }
 
 Reconstruction Session::Finish() {
@@ -159,9 +167,15 @@ MappingAttempt Session::Map(std::shared_ptr<const CapturedViews> views,
                                    std::move(matches),
                                    images_folder_,
                                    AttemptFolder(),
-                                   relaxed,
-                                   options_.threads);
+                                   {.relaxed = relaxed,
+                                    .adjust_joined = InBlocks() ? AdjustJoined : nullptr,
+                                    .threads = options_.threads});
   CountAttempt(attempt);
+  if (attempt.n_blocks > 0) {
+    decide_(fmt::format("mapped in overlapping blocks, side by side: {} models, {} of them joined",
+                        attempt.n_blocks,
+                        attempt.n_joined));
+  }
   return attempt;
 }
 

@@ -60,6 +60,8 @@ class Session {
   };
 
   int n() const { return static_cast<int>(pictures_.size()); }
+  // Whether pictures are mapped in overlapping blocks.
+  bool InBlocks() const;
   bool Registered(double share) const;
   // Cheapest first.
   std::vector<StrongerSetting> StrongerSettings(const std::vector<PairMatches>& matches, std::size_t n_pairs);

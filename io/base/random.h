@@ -22,7 +22,8 @@ enum class Stream : std::uint64_t {
   kJitter,
   kSplat,
   kSplatView,
-  kSplatBackground
+  kSplatBackground,
+  kAlignment
 };
 
 class Random {

@@ -48,10 +48,11 @@ enum class ColmapForm { kText, kBinary };
 
 // Writes cameras, images and points3D, in text with 17 significant digits; features without a point are not
 // kept. Each camera gets the simplest model that holds its parameters exactly. ReadColmapModel returns the
-// same model, up to rounding of the poses (COLMAP stores quaternion and translation). Throws kNoResources
-// when a file cannot be written.
+// same model, up to rounding of the poses (COLMAP stores quaternion and translation). image_ids: COLMAP's
+// numbers of the frames; empty: counted from 1. Throws kNoResources when a file cannot be written.
 void WriteColmapModel(const std::filesystem::path& folder,
                       const ColmapModel& model,
-                      ColmapForm form = ColmapForm::kText);
+                      ColmapForm form = ColmapForm::kText,
+                      const std::vector<std::uint32_t>& image_ids = {});
 
 }  // namespace io

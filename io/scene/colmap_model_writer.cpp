@@ -66,8 +66,8 @@ ColmapImageRecord ImageRecord(const Frame& frame) {
           .features = {}};
 }
 
-// Numbers count from 1. Feature k of a picture is its k-th observation.
-ColmapRecords RecordsOf(const ColmapModel& model) {
+// Cameras and points count from 1. Feature k of a picture is its k-th observation.
+ColmapRecords RecordsOf(const ColmapModel& model, const std::vector<std::uint32_t>& image_ids) {
   ColmapRecords records;
   for (const Camera& camera : model.scene.cameras) {
     records.cameras.push_back(CameraRecord(camera));
@@ -75,7 +75,8 @@ ColmapRecords RecordsOf(const ColmapModel& model) {
   }
   for (const Frame& frame : model.scene.frames) {
     records.images.push_back(ImageRecord(frame));
-    records.images.back().id = static_cast<std::uint32_t>(records.images.size());
+    const std::size_t n = records.images.size();
+    records.images.back().id = image_ids.empty() ? static_cast<std::uint32_t>(n) : image_ids[n - 1];
   }
   for (const Point3D& point : model.scene.points) {
     records.points.push_back({.id = records.points.size() + 1,
@@ -174,8 +175,11 @@ void WriteBinaryFiles(const std::filesystem::path& folder, const ColmapRecords& 
 
 }  // namespace
 
-void WriteColmapModel(const std::filesystem::path& folder, const ColmapModel& model, ColmapForm form) {
-  const ColmapRecords records = RecordsOf(model);
+void WriteColmapModel(const std::filesystem::path& folder,
+                      const ColmapModel& model,
+                      ColmapForm form,
+                      const std::vector<std::uint32_t>& image_ids) {
+  const ColmapRecords records = RecordsOf(model, image_ids);
   if (form == ColmapForm::kText) {
     WriteTextFiles(folder, records);
   } else {

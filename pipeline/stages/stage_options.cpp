@@ -28,6 +28,11 @@ void AddSfmOptions(Options* options, sfm::ReconstructionOptions* sfm) {
                &sfm->matching,
                "auto, exhaustive, likely (most alike pairs) or sequential (video)",
                {.choices = {"auto", "exhaustive", "likely", "sequential"}});
+  options->Add(
+      "mapping",
+      &sfm->mapping,
+      "auto (in blocks beyond 120 pictures), whole, or blocks: overlapping ones, side by side, then joined",
+      {.choices = {"auto", "whole", "blocks"}});
   options->Add("retry-minutes",
                &sfm->retry_minutes,
                "ceiling for further attempts with stronger settings; 0 = none",

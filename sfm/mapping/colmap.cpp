@@ -5,15 +5,14 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
-#include <functional>
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/parallel.h"
 #include "io/base/process.h"
 #include "io/base/progress.h"
-#include "io/scene/colmap_model.h"
+#include "sfm/mapping/colmap_step.h"
+#include "sfm/mapping/log_progress.h"
 
 namespace sfm {
 namespace {
@@ -25,7 +24,6 @@ using io::ExitCode;
 // Limits against hanging: ten times what the slowest supported machine was seen to need.
 constexpr double kExtractionLimitS = 300, kExtractionLimitPerPictureS = 60;
 constexpr double kVerifyingLimitS = 300, kVerifyingLimitPerPairS = 5;
-constexpr double kMappingLimitS = 300, kMappingLimitPerPictureS = 20;
 constexpr double kHelpLimitS = 60;
 // COLMAP's threads reserve much more address space than they touch; this still stops a run-away reader.
 constexpr std::size_t kMaxMemoryBytes = std::size_t{16} << 30;
@@ -54,54 +52,20 @@ std::string HelpText(const fs::path& program, const std::string& command, const 
   return text;
 }
 
-// Follows COLMAP's log and reports how many pictures a step has finished.
-class LogProgress {
- public:
-  LogProgress(const fs::path& log, const std::string& title, std::string marker, int done_before, int total)
-      : log_(log),
-        progress_(title),
-        marker_(std::move(marker)),
-        offset_(fs::exists(log) ? static_cast<std::streamoff>(fs::file_size(log)) : 0),
-        done_(done_before),
-        total_(total) {}
-
-  void Tick() {
-    std::ifstream in(log_);
-    in.seekg(offset_);
-    for (std::string line;
-         std::getline(in, line) && !in.eof();) {  // a line without its end is read again later
-      offset_ = in.tellg();
-      done_ += line.find(marker_) != std::string::npos;
+// Of the pictures that the pairs name; the others have none. No descriptors.
+std::vector<Features> KeypointsOf(const std::vector<PairMatches>& pairs,
+                                  const std::vector<Features>& features) {
+  std::vector<Features> named(features.size());
+  for (const PairMatches& pair : pairs) {
+    for (const int i : {pair.a, pair.b}) {
+      const auto picture = static_cast<std::size_t>(i);
+      if (named[picture].keypoints.empty()) named[picture].keypoints = features[picture].keypoints;
     }
-    Show(std::min(0.99, static_cast<double>(done_) / std::max(1, total_)));
   }
-
-  void Finish() {
-    Tick();
-    if (done_ >= total_) Show(1.0);
-  }
-
- private:
-  void Show(double fraction) { progress_.Update(fraction, fmt::format("{} of {}", done_, total_)); }
-
-  fs::path log_;
-  io::Progress progress_;
-  std::string marker_;
-  std::streamoff offset_;
-  int done_, total_;
-};
+  return named;
+}
 
 }  // namespace
-
-struct Colmap::Step {
-  std::string command;
-  std::vector<std::string> arguments;
-  fs::path log;
-  double limit_s = 0;
-  // The mapper exits with 1 when it finds no initial pair, and can start models over and over without end.
-  bool may_find_nothing = false;
-  std::function<void()> on_tick;
-};
 
 Colmap::Colmap(fs::path work_folder, int threads)
     : work_folder_(std::move(work_folder)),
@@ -215,7 +179,7 @@ void Colmap::VerifyShard(const CapturedViews& views,
   const fs::path database = work_folder_ / (stem + ".db"), list = work_folder_ / (stem + ".txt"),
                  log = work_folder_ / (stem + ".log");
   CreateDatabase(database);
-  WritePictures(database, views.groups, views.camera_model, views.names, views.features);
+  WritePictures(database, views.groups, views.camera_model, views.names, KeypointsOf(shard, views.features));
   WriteMatches(database, views.names, shard);
   std::vector<std::string> lines;
   for (const PairMatches& pair : shard) {
@@ -261,86 +225,6 @@ void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMat
     CopyGeometries(shard, database_);
     fs::remove(shard);
   }
-}
-
-Colmap::Step Colmap::MapperStep(const fs::path& images_folder, const fs::path& output, int n_pictures) const {
-  fs::remove_all(output);
-  fs::create_directories(output);
-  Step step{.command = "mapper",
-            .arguments = {"--database_path",
-                          database_.string(),
-                          "--image_path",  // must exist, even where no colours are read
-                          (images_folder.empty() ? work_folder_ : images_folder).string(),
-                          "--output_path",
-                          output.string(),
-                          "--Mapper.extract_colors",
-                          images_folder.empty() ? "0" : "1",
-                          flags_.mapper_threads,
-                          "1"},
-            .log = log_path_,
-            .limit_s = kMappingLimitS + kMappingLimitPerPictureS * n_pictures,
-            .may_find_nothing = true};
-  step.arguments.insert(step.arguments.end(), flags_.mapper_options.begin(), flags_.mapper_options.end());
-  return step;
-}
-
-std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures, bool relaxed) {
-  const fs::path sparse = work_folder_ / "sparse";
-  LogProgress progress(log_path_, "sfm: mapping", "Registering image #", 2, n_pictures);
-  Step step = MapperStep(images_folder, sparse, n_pictures);
-  step.on_tick = [&] { progress.Tick(); };
-  if (relaxed) {
-    // Half of COLMAP's defaults of 100 inliers, 16 degrees and 30 inliers.
-    step.arguments.insert(step.arguments.end(),
-                          {"--Mapper.init_min_num_inliers",
-                           "50",
-                           "--Mapper.init_min_tri_angle",
-                           "8",
-                           "--Mapper.abs_pose_min_num_inliers",
-                           "15"});
-  }
-  Run(step);
-  progress.Finish();
-  std::vector<fs::path> models;
-  for (const auto& entry : fs::directory_iterator(sparse)) {
-    if (entry.is_directory()) models.push_back(entry.path());
-  }
-  std::sort(models.begin(), models.end());
-  return models;
-}
-
-std::optional<fs::path> Colmap::Continue(const fs::path& images_folder,
-                                         const fs::path& model,
-                                         int n_pictures) {
-  const fs::path output = work_folder_ / "continued";
-  Step step = MapperStep(images_folder, output, n_pictures);
-  // Half of COLMAP's evidence: poses are checked by the pairs afterwards. By its defaults a picture that does
-  // not fit is tried 200 times over, and then as the start of other models.
-  step.arguments.insert(step.arguments.end(),
-                        {"--input_path",
-                         model.string(),
-                         "--Mapper.multiple_models",
-                         "0",
-                         "--Mapper.init_num_trials",
-                         "1",
-                         "--Mapper.abs_pose_min_num_inliers",
-                         "15"});
-  if (!Run(step) || !io::IsColmapModel(output)) return std::nullopt;
-  return output;
-}
-
-std::optional<fs::path> Colmap::Merge(const fs::path& a, const fs::path& b) {
-  const fs::path merged = work_folder_ / ("merged_" + a.filename().string() + "_" + b.filename().string());
-  fs::create_directories(merged);
-  const std::vector<std::string> arguments = {
-      "--input_path1", a.string(), "--input_path2", b.string(), "--output_path", merged.string()};
-  const bool ok = Run({.command = "model_merger",
-                       .arguments = arguments,
-                       .log = log_path_,
-                       .limit_s = kMappingLimitS,
-                       .may_find_nothing = true});
-  if (!ok || !io::IsColmapModel(merged)) return std::nullopt;
-  return merged;
 }
 
 }  // namespace sfm

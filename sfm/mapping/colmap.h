@@ -47,14 +47,26 @@ class Colmap {
                                          int n_pictures,
                                          bool relaxed = false);
 
-  // Adds pictures, on half the usual evidence, to a model of pictures of database(), whose keypoints must be
-  // those of the model; the folder of the result, nothing when COLMAP could not go on.
+  // The same for each of several sets of pictures, as many side by side as there are threads.
+  std::vector<std::vector<std::filesystem::path>> MapBlocks(
+      const std::filesystem::path& images_folder,
+      const std::vector<std::vector<std::string>>& blocks,
+      bool relaxed = false);
+
+  // Adds pictures to a model of pictures of database(), whose keypoints must be those of the model; the
+  // folder of the result, nothing when COLMAP could not go on.
   std::optional<std::filesystem::path> Continue(const std::filesystem::path& images_folder,
                                                 const std::filesystem::path& model,
-                                                int n_pictures);
+                                                int n_pictures,
+                                                bool relaxed);
 
   // One model of the pictures of both, which share some; nothing when COLMAP could not align them.
   std::optional<std::filesystem::path> Merge(const std::filesystem::path& a, const std::filesystem::path& b);
+
+  // Points for given poses, a model with the image numbers of database(); nothing when there are none.
+  std::optional<std::filesystem::path> Triangulate(const std::filesystem::path& images_folder,
+                                                   const std::filesystem::path& poses,
+                                                   int n_pictures);
 
   const std::filesystem::path& database() const { return database_; }
   double cpu_s() const { return cpu_s_; }
@@ -63,7 +75,9 @@ class Colmap {
  private:
   struct Step;
   bool Run(const Step& step);
-  Step MapperStep(const std::filesystem::path& images_folder,
+  // A step that takes database and pictures and writes models to `output`.
+  Step MapperStep(const std::string& command,
+                  const std::filesystem::path& images_folder,
                   const std::filesystem::path& output,
                   int n_pictures) const;
   void CreateDatabase(const std::filesystem::path& path);

@@ -9,7 +9,9 @@
 #include "io/base/error.h"
 #include "io/base/median.h"
 #include "io/base/stopwatch.h"
+#include "sfm/mapping/block_mapping.h"
 #include "sfm/mapping/flat_pairs.h"
+#include "sfm/mapping/found_model.h"
 
 namespace sfm {
 namespace {
@@ -17,25 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMinMatches = 15;  // COLMAP's --TwoViewGeometry.min_num_inliers
-constexpr int kMinSharedPictures = 3;    // three centres fix a similarity
-// Merged models may fit a little worse than the better of the two.
-constexpr double kMergedErrorGrowth = 1.1;
-
-io::ColmapModel ReadModel(const fs::path& folder, const std::map<std::string, const Picture*>& by_name) {
-  io::ColmapModel model = io::ReadColmapModel(folder);
-  for (const io::Frame& frame : model.scene.frames) {
-    const auto picture = by_name.find(frame.image_path.string());
-    const io::Camera& camera = model.scene.cameras[static_cast<std::size_t>(frame.camera_index)];
-    if (picture == by_name.end() || picture->second->width != camera.width ||
-        picture->second->height != camera.height) {
-      throw io::Error(io::ExitCode::kMissingTool,
-                      "colmap mapper reported success but its model " + folder.string() + " holds " +
-                          frame.image_path.string() +
-                          ", which is not a picture of this capture or has another size");
-    }
-  }
-  return model;
-}
 
 // Whoever compares rays looks keypoints up by these indices.
 void CheckMatches(const CaptureEvidence& evidence) {
@@ -53,32 +36,12 @@ void CheckMatches(const CaptureEvidence& evidence) {
   }
 }
 
-std::set<std::string> FrameNames(const io::ColmapModel& model) {
-  std::set<std::string> names;
-  for (const io::Frame& frame : model.scene.frames) names.insert(frame.image_path.string());
-  return names;
-}
-
-int CountShared(const io::ColmapModel& a, const io::ColmapModel& b) {
-  const std::set<std::string> names = FrameNames(a);
-  return static_cast<int>(
-      std::count_if(b.scene.frames.begin(), b.scene.frames.end(), [&](const io::Frame& frame) {
-        return names.count(frame.image_path.string()) > 0;
-      }));
-}
-
 std::vector<PairMatches> WithEnoughMatches(const std::vector<PairMatches>& matches) {
   std::vector<PairMatches> enough;
   for (const PairMatches& pair : matches) {
     if (pair.matches.size() >= kMinMatches) enough.push_back(pair);
   }
   return enough;
-}
-
-std::map<std::string, const Picture*> ByName(const std::vector<Picture>& pictures) {
-  std::map<std::string, const Picture*> by_name;
-  for (const Picture& picture : pictures) by_name[picture.name] = &picture;
-  return by_name;
 }
 
 void ReadEvidence(const Colmap& colmap, MappingAttempt* attempt) {
@@ -120,9 +83,8 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
                        std::vector<PairMatches> matches,
                        const fs::path& images_folder,
                        const fs::path& folder,
-                       bool relaxed,
-                       int threads) {
-  Colmap colmap(folder, threads);
+                       const MappingOptions& options) {
+  Colmap colmap(folder, options.threads);
   MappingAttempt attempt{.views = std::move(views),
                          .matches = std::move(matches),
                          .database = colmap.database(),
@@ -133,30 +95,14 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
   attempt.verifying_s = verifying.seconds();
 
   const io::Stopwatch mapping;
-  const std::map<std::string, const Picture*> by_name = ByName(pictures);
-  std::vector<std::pair<fs::path, io::ColmapModel>> models;
-  for (const fs::path& path : colmap.Map(images_folder, static_cast<int>(pictures.size()), relaxed)) {
-    models.emplace_back(path, ReadModel(path, by_name));
-  }
-  const auto largest_first = [](const auto& a, const auto& b) {
-    return a.second.scene.frames.size() > b.second.scene.frames.size();
-  };
-  std::stable_sort(models.begin(), models.end(), largest_first);
-  for (std::size_t i = 1; i < models.size(); ++i) {
-    if (CountShared(models[0].second, models[i].second) < kMinSharedPictures) continue;
-    const std::optional<fs::path> path = colmap.Merge(models[0].first, models[i].first);
-    if (!path) continue;
-    io::ColmapModel merged = ReadModel(*path, by_name);
-    const double error =
-        std::max(models[0].second.mean_reprojection_error_px, models[i].second.mean_reprojection_error_px);
-    if (merged.scene.frames.size() > models[0].second.scene.frames.size() &&
-        merged.mean_reprojection_error_px <= kMergedErrorGrowth * error) {
-      models[0] = {*path, std::move(merged)};
-      models.erase(models.begin() + static_cast<std::ptrdiff_t>(i--));
-    }
-  }
-  if (!models.empty()) attempt.largest = models.front().first;
-  for (auto& [path, model] : models) attempt.models.push_back(std::move(model));
+  const ModelReader reader(pictures);
+  std::vector<FoundModel> models =
+      options.adjust_joined
+          ? MapInBlocks(&colmap, reader, images_folder, options, &attempt)
+          : reader.ReadAll(colmap.Map(images_folder, static_cast<int>(pictures.size()), options.relaxed));
+  if (!options.adjust_joined) MergeIntoLargest(&colmap, reader, &models);
+  if (!models.empty()) attempt.largest = models.front().path;
+  for (FoundModel& found : models) attempt.models.push_back(std::move(found.model));
   attempt.mapping_s = mapping.seconds();
   attempt.cpu_s = colmap.cpu_s();
   attempt.peak_rss_bytes = colmap.peak_rss_bytes();
@@ -191,9 +137,9 @@ MappingAttempt Continue(const MappingAttempt& before,
   attempt.verifying_s = verifying.seconds();
 
   const io::Stopwatch mapping;
-  const auto path = colmap.Continue(images_folder, before.largest, static_cast<int>(pictures.size()));
+  const auto path = colmap.Continue(images_folder, before.largest, static_cast<int>(pictures.size()), true);
   if (path) {
-    io::ColmapModel model = ReadModel(*path, ByName(pictures));
+    io::ColmapModel model = ModelReader(pictures).Read(*path);
     if (static_cast<int>(model.scene.frames.size()) > before.Registered()) {
       attempt.models = {std::move(model)};
       attempt.largest = *path;

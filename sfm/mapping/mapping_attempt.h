@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "io/scene/colmap_model.h"
 #include "sfm/features/matching.h"
 #include "sfm/features/picture.h"
+#include "sfm/mapping/capture_blocks.h"
 #include "sfm/mapping/colmap.h"
 #include "sfm/mapping/diagnosis.h"
 
@@ -22,6 +24,8 @@ struct MappingAttempt {
   std::vector<io::ColmapModel> models;  // largest first
   std::filesystem::path largest;        // folder of the first one, as COLMAP wrote it
   std::filesystem::path database, log;
+  std::size_t n_blocks = 0,
+              n_joined = 0;  // models of blocks, and those in the first model; 0: mapped as a whole
   double verifying_s = 0, mapping_s = 0;  // wall
   double cpu_s = 0;
   std::size_t peak_rss_bytes = 0;
@@ -34,6 +38,15 @@ std::vector<CameraGroup> CameraGroups(const std::vector<Picture>& pictures);
 
 std::vector<std::string> Names(const std::vector<Picture>& pictures);
 
+struct MappingOptions {
+  bool relaxed = false;  // see Colmap::Map
+  // When set, pictures are mapped in overlapping blocks, and this adjusts the cameras of the model that joins
+  // them. Its cameras are those of CapturedViews::groups.
+  std::function<void(io::ColmapModel*)> adjust_joined;
+  BlockOptions blocks;
+  int threads = 1;
+};
+
 // folder: private. images_folder: see Colmap::Map. Models that share at least 3 pictures are merged when the
 // union fits as well. Pairs with fewer than 15 matches are left out, as COLMAP would.
 MappingAttempt Attempt(const std::vector<Picture>& pictures,
@@ -41,8 +54,7 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
                        std::vector<PairMatches> matches,
                        const std::filesystem::path& images_folder,
                        const std::filesystem::path& folder,
-                       bool relaxed,
-                       int threads);
+                       const MappingOptions& options);
 
 // Goes on from the largest model of `before`: `views` may have new keypoints for the pictures `changed` only,
 // and `matches` are all the pairs that touch these. The other pairs are taken over as verified. Its models

@@ -28,7 +28,7 @@ struct Ring {
   }
 
   sfm::MappingAttempt Map(const std::filesystem::path& folder) const {
-    return sfm::Attempt(capture.pictures, views, first, "", folder, false, 2);
+    return sfm::Attempt(capture.pictures, views, first, "", folder, {.threads = 2});
   }
   sfm::MappingAttempt Grow(const sfm::MappingAttempt& before, const std::filesystem::path& folder) const {
     return sfm::Continue(before, capture.pictures, views, later, names, "", folder, 2);

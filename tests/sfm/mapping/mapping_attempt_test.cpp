@@ -56,7 +56,7 @@ class Mapping : public StandInColmap {
         sfm::CapturedViews{.names = sfm::Names(pictures),
                            .groups = sfm::CameraGroups(pictures),
                            .features = std::vector<sfm::Features>(kPictures)});
-    return sfm::Attempt(pictures, views_, std::move(matches), "", folder_ / "work", false, 1);
+    return sfm::Attempt(pictures, views_, std::move(matches), "", folder_ / "work", {});
   }
 
   std::vector<std::size_t> Sizes(const std::vector<io::ColmapModel>& models, const io::ColmapModel& merged) {

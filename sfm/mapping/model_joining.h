@@ -1,0 +1,25 @@
+// Models of overlapping parts of a capture become one.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "io/scene/colmap_model.h"
+
+namespace sfm {
+
+// b -> a, from the points that both models see at the same keypoint of a shared picture: the similarity that
+// most of them agree on. Points: 3 each for a hypothesis (RANSAC, Fischler and Bolles 1981), inliers where
+// the moved point lies within 0.5 % of the longer side of where the picture shows it, then least squares over
+// the inliers. Nothing when the models share fewer than 5 pictures or 50 points, or when fewer than half of
+// the points agree: one of the models is folded, or takes another place for this one.
+std::optional<io::Sim3d> AlignModels(const io::ColmapModel& a, const io::ColmapModel& b);
+
+// Adds the pictures of `b` that `a` lacks, moved by `a_from_b`, and its points; points that both see at the
+// same keypoint are one. camera_of: of each frame of b, the camera of `a` that took it.
+void AddModel(const io::ColmapModel& b,
+              const io::Sim3d& a_from_b,
+              const std::vector<int>& camera_of,
+              io::ColmapModel* a);
+
+}  // namespace sfm
