@@ -205,7 +205,7 @@ void Session::DescribeFlatness() const {
 
 void Session::Adjust() {
   const io::Stopwatch stopwatch;
-  CameraModelOptions options{.camera_model = options_.camera_model};
+  CameraModelOptions options{.camera_model = options_.camera_model, .threads = options_.threads};
   std::map<std::string, double> focals;
   for (const CameraGroup& group : best_->views->groups) {
     for (const std::string& name : group.names) focals[name] = group.focal_px;

@@ -18,6 +18,7 @@ struct CameraModelOptions {
   // all unknown.
   std::vector<double> known_focal_px;
   std::uint64_t seed = 0;  // of the observations that are held out
+  int threads = 1;         // does not change the result
 };
 
 struct SelectedCameraModel {
