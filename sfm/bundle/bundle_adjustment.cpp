@@ -12,9 +12,13 @@
 namespace sfm {
 namespace {
 
-// Up to here the dense factorisation of the reduced camera system is faster than the sparse one: pictures
-// that surround a subject nearly all share points.
-constexpr std::size_t kMaxDenseFrames = 400;
+// Up to here the dense factorisation of the reduced camera system is faster than conjugate gradients: pictures
+// that surround a subject nearly all share points. Its cost grows with their cube.
+constexpr std::size_t kMaxDenseFrames = 200;
+// Residual, over the right-hand side, at which conjugate gradients end. On 300 pictures the iterations are as
+// many, and as good, as with the factorisation.
+constexpr double kLinearResidual = 1e-2;
+constexpr int kLinearIterations = 1000;
 
 void CheckObservations(const io::ColmapModel& model) {
   for (const io::Observation& observation : model.observations) {
@@ -54,9 +58,15 @@ class Solver {
 
   AdjustmentReport Solve(const AdjustmentOptions& options) {
     ceres::Solver::Options ceres_options;
-    ceres_options.linear_solver_type =
-        model_.scene.frames.size() <= kMaxDenseFrames ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
-    ceres_options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;  // single-threaded, no BLAS
+    if (model_.scene.frames.size() <= kMaxDenseFrames) {
+      ceres_options.linear_solver_type = ceres::DENSE_SCHUR;
+    } else {
+      ceres_options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+      ceres_options.preconditioner_type = ceres::SCHUR_JACOBI;
+      ceres_options.use_explicit_schur_complement = true;
+      ceres_options.eta = kLinearResidual;
+      ceres_options.max_linear_solver_iterations = kLinearIterations;
+    }
     ceres_options.linear_solver_ordering = PointsFirst();
     ceres_options.num_threads = 1;
     ceres_options.max_num_iterations = options.max_iterations;
