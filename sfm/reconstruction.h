@@ -13,16 +13,19 @@
 #include "sfm/features/features.h"
 #include "sfm/features/matching.h"
 #include "sfm/features/picture.h"
+#include "sfm/mapping/capture_blocks.h"
 #include "sfm/mapping/refusal.h"
 
 namespace sfm {
 
 struct ReconstructionOptions {
-  std::string detector = "opencv";     // or colmap
-  int features = 4096;                 // per picture
-  int max_image_size = 1600;           // longer side for detection [px]; 0: full size
-  std::string matching = "auto";       // auto, exhaustive, likely or sequential
-  std::string mapping = "auto";        // auto, whole, or blocks: overlapping ones, side by side, then joined
+  std::string detector = "opencv";  // or colmap
+  int features = 4096;              // per picture
+  int max_image_size = 1600;        // longer side for detection [px]; 0: full size
+  std::string matching = "auto";    // auto, exhaustive, likely or sequential
+  std::string mapping = "auto";     // auto, whole, or blocks: overlapping ones, side by side, then joined
+  int whole_pictures = 120;         // auto: with more pictures, in blocks; 150 make three of 65
+  BlockOptions blocks;
   std::string camera_model = "auto";   // as simple as the data allow, or COLMAP's name of a model
   double retry_minutes = 20;           // ceiling for all further mapping attempts together; 0: none
   std::filesystem::path masks_folder;  // see DetectFeatures; empty: no masks

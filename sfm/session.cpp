@@ -24,8 +24,6 @@ namespace fs = std::filesystem;
 
 // Pictures before and after that still count as following when the order is all there is to rely on.
 constexpr int kOrderOverlap = 3;
-// Beyond, mapping in blocks takes less time: 150 pictures make three blocks of 65.
-constexpr int kMaxWholePictures = 120;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
 
@@ -121,7 +119,7 @@ void Session::ResolveContradictions() {
 }
 
 bool Session::InBlocks() const {
-  if (options_.mapping == "auto") return n() > kMaxWholePictures;
+  if (options_.mapping == "auto") return n() > options_.whole_pictures && !as_a_whole_;
   return options_.mapping == "blocks";
 }
 
@@ -169,6 +167,7 @@ MappingAttempt Session::Map(std::shared_ptr<const CapturedViews> views,
                                    AttemptFolder(),
                                    {.relaxed = relaxed,
                                     .adjust_joined = InBlocks() ? AdjustJoined : nullptr,
+                                    .blocks = options_.blocks,
                                     .threads = options_.threads});
   CountAttempt(attempt);
   if (attempt.n_blocks > 0) {

@@ -96,6 +96,7 @@ class Session {
   double retry_s_ = 0;                            // spent on further attempts
   double comparisons_ = 0;                        // of descriptors, so far
   bool stands_still_ = false;                     // stationary matches were removed
+  bool as_a_whole_ = false;                       // blocks have failed
   Reconstruction result_;
 };
 

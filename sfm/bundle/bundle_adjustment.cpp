@@ -12,8 +12,8 @@
 namespace sfm {
 namespace {
 
-// Up to here the dense factorisation of the reduced camera system is faster than conjugate gradients: pictures
-// that surround a subject nearly all share points. Its cost grows with their cube.
+// Up to here the dense factorisation of the reduced camera system is faster than conjugate gradients:
+// pictures that surround a subject nearly all share points. Its cost grows with their cube.
 constexpr std::size_t kMaxDenseFrames = 200;
 // Residual, over the right-hand side, at which conjugate gradients end. On 300 pictures the iterations are as
 // many, and as good, as with the factorisation.

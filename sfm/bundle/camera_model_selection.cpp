@@ -23,8 +23,8 @@ constexpr double kMaxFocalSigma = 0.02;  // share of the focal length; metadata 
 constexpr double kMaxTurnDeg = 0.5;
 constexpr int kMinCameraObservations = 200;
 constexpr std::size_t kMinHeldOut = 50;  // fewer do not tell 1 %
-// Of the final adjustment, which begins near the minimum: on 300 pictures it leaves poses within 1e-4 degrees of
-// it after 9 iterations; 16 more, down to 1e-6, move them by 2e-5.
+// Of the final adjustment, which begins near the minimum: on 300 pictures it leaves poses within 1e-4 degrees
+// of it after 9 iterations; 16 more, down to 1e-6, move them by 2e-5.
 constexpr double kNearTolerance = 1e-5;
 
 // An extension of the cameras, tried.

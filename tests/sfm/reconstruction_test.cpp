@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <map>
 
 #include "io/base/error.h"
@@ -90,6 +92,33 @@ TEST_F(SmallCapture, AStrongerAttemptIsMadeAndItsReasonGiven) {
   EXPECT_EQ(result.database.parent_path().filename(), "attempt1") << "none of the others was better";
   EXPECT_GT(fs::file_size(folder_ / "work" / "attempt3" / "database.db"), fs::file_size(result.database))
       << "more features";
+}
+
+const sfm::ReconstructionOptions kSmallBlocks = {
+    .features = 600, .whole_pictures = 6, .blocks = {.pictures = 4, .overlap = 0.25}, .threads = 2};
+
+TEST_F(SmallCapture, ABlockThatCannotBeJoinedIsContinuedWithThePicturesOfTheOthers) {
+  REQUIRE_PROGRAM("colmap");
+  AddWalk(7);
+  EXPECT_EQ(Run(kSmallBlocks).model.scene.frames.size(), 7u);
+  EXPECT_EQ(Decided("3 models, 1 of them joined"), 1) << "they share one picture each";
+  EXPECT_EQ(Decided("trying again"), 0);
+}
+
+TEST_F(SmallCapture, WhatBlocksDoNotGiveIsMappedAsAWhole) {
+  REQUIRE_PROGRAM("colmap");
+  AddWalk(7);
+  const fs::path colmap = *io::FindProgram("colmap"), stand_in = folder_ / "colmap";
+  std::ofstream(stand_in) << "#!/bin/sh\nfor a; do [ \"$a\" = --image_list_path ] && exit 1; done\nexec " +
+                                 colmap.string() + " \"$@\"\n";
+  fs::permissions(stand_in, fs::perms::owner_all);
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", (folder_.string() + ":" + path).c_str(), 1);
+  const sfm::Reconstruction result = Run(kSmallBlocks);
+  setenv("PATH", path.c_str(), 1);
+  EXPECT_EQ(result.model.scene.frames.size(), 7u);
+  EXPECT_EQ(Decided("only 0 of 7 pictures registered; trying again with all pictures as a whole"), 1);
+  EXPECT_EQ(Decided("trying again"), 1);
 }
 
 TEST_F(SmallCapture, AttemptsBeyondTheCeilingOfTimeAreNotMade) {
@@ -182,15 +211,14 @@ TEST_F(SmallCapture, PairsAreChosenByNumberAndKind) {
 // Captures of numbers instead of pictures, from their matches on.
 class GeneratedCapture : public SmallCapture {
  protected:
-  sfm::Reconstruction Run(const sfm::CaptureOptions& options) {
+  sfm::Reconstruction Run(const sfm::CaptureOptions& options,
+                          const sfm::ReconstructionOptions& how = {.threads = 2}) {
     const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture(options);
     pictures_ = capture.pictures;
-    return sfm::ReconstructMatches(pictures_,
-                                   capture.features,
-                                   capture.matches,
-                                   folder_ / "work",
-                                   {.threads = 2},
-                                   [this](const std::string& line) { decisions_.push_back(line); });
+    return sfm::ReconstructMatches(
+        pictures_, capture.features, capture.matches, folder_ / "work", how, [this](const std::string& line) {
+          decisions_.push_back(line);
+        });
   }
 };
 

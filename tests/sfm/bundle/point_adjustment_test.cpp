@@ -28,9 +28,10 @@ TEST(PointAdjustment, PointsGoWhereTheCamerasSeeThem) {
 // At the minimum over cameras and points, no point can be moved for the better.
 TEST(PointAdjustment, TheMinimumOfTheWholeIsOneOfEachPoint) {
   io::ColmapModel model = RingModel(8, 200, SmallCamera(), 0.5, 3);
-  sfm::AdjustBundle(
-      &model,
-      {.free = {sfm::FreeParametersOf("SIMPLE_PINHOLE")}, .max_iterations = 200, .function_tolerance = 1e-14});
+  sfm::AdjustBundle(&model,
+                    {.free = {sfm::FreeParametersOf("SIMPLE_PINHOLE")},
+                     .max_iterations = 200,
+                     .function_tolerance = 1e-14});
   const std::vector<io::Point3D> before = model.scene.points;
   ASSERT_TRUE(sfm::AdjustPoints(&model, 1));
   for (std::size_t i = 0; i < before.size(); ++i)
