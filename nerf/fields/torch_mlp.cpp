@@ -13,6 +13,7 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
+#include "io/base/parallel.h"
 #include "nerf/fields/mlp.h"
 
 namespace nerf {
@@ -107,10 +108,7 @@ class TorchMlp : public Mlp {
     double best = 0;
     for (int repeat = 0; repeat < 3; ++repeat) {
       const auto start = std::chrono::steady_clock::now();
-      std::vector<std::thread> threads;
-      for (int t = 1; t < n_threads; ++t) threads.emplace_back(work);
-      work();
-      for (std::thread& thread : threads) thread.join();
+      io::ParallelFor(static_cast<std::size_t>(n_threads), n_threads, [&](std::size_t) { work(); });
       const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       best = std::max(best, flop / seconds * 1e-9);
     }

@@ -105,10 +105,15 @@ GlooRanks::GlooRanks(const io::Meeting& meeting, Patience* patience)
     : meeting_(meeting), hosts_(static_cast<std::size_t>(meeting.size)), heard_(hosts_.size()) {
   Meet(patience);
   for (auto& time : heard_) time = Clock::now().time_since_epoch().count();
-  for (int r = 0; r < meeting_.size; ++r) {
-    if (!IsMine(r)) watchers_.emplace_back([this, r] { Watch(r); });
+  try {
+    for (int r = 0; r < meeting_.size; ++r) {
+      if (!IsMine(r)) watchers_.emplace_back([this, r] { Watch(r); });
+    }
+    RequireSecret();
+  } catch (...) {  // the destructor is not called, and threads that are not joined end the process
+    End(State::kFailed);
+    throw;
   }
-  RequireSecret();
 }
 
 std::string GlooRanks::Name(int rank) const {
