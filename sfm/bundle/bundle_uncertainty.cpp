@@ -18,11 +18,26 @@ constexpr double kRidge = 1e-13;
 constexpr double kPointRank = 1e-12;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Rows of one frame or camera in the reduced system, and their product with a point.
-struct Block {
+// Rows of one frame in the reduced system, and their product with a point.
+struct PoseBlock {
+  Eigen::Index offset;
+  Eigen::Matrix<double, 6, 3> with_point;
+};
+
+// The same of the focal length or lens of a camera, over all frames that it took.
+struct CameraBlock {
   Eigen::Index offset;
   Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kLensIntrinsics, 3> with_point;
 };
+
+void AddTo(std::vector<CameraBlock>* blocks, const CameraBlock& added) {
+  for (CameraBlock& block : *blocks) {
+    if (block.offset != added.offset || block.with_point.rows() != added.with_point.rows()) continue;
+    block.with_point += added.with_point;
+    return;
+  }
+  blocks->push_back(added);
+}
 
 class ReducedSystem {
  public:
@@ -96,7 +111,8 @@ class ReducedSystem {
   // Adds the share of one point, which is eliminated at once. Only the lower triangle is filled.
   void AddPoint(const std::vector<const io::Observation*>& track) {
     Eigen::Matrix3d point_block = Eigen::Matrix3d::Zero();
-    std::vector<Block> blocks;
+    std::vector<PoseBlock> poses;
+    std::vector<CameraBlock> cameras;
     for (const io::Observation* observation : track) {
       const auto frame = static_cast<std::size_t>(observation->frame_index);
       const auto point = static_cast<std::size_t>(observation->point_index);
@@ -129,7 +145,10 @@ class ReducedSystem {
           if (column > row) continue;
           matrix_.block(row, column, d_row.cols(), d_column.cols()) += w * d_row.transpose() * d_column;
         }
-        blocks.push_back({row, w * d_row.transpose() * d_point});
+      }
+      poses.push_back({parts[0].first, w * d_pose.transpose() * d_point});
+      for (const auto& [row, d_row] : {parts[1], parts[2]}) {
+        if (d_row.cols() > 0) AddTo(&cameras, {row, w * d_row.transpose() * d_point});
       }
       point_block += w * d_point.transpose() * d_point;
     }
@@ -139,11 +158,21 @@ class ReducedSystem {
     for (int i = 0; i < 3; ++i) {
       if (values[i] > kPointRank * values[2]) root.col(i) = vectors.col(i) / std::sqrt(values[i]);
     }
-    for (Block& block : blocks) block.with_point *= root;
-    for (const Block& a : blocks) {
-      for (const Block& b : blocks) {
+    for (PoseBlock& pose : poses) pose.with_point *= root;
+    for (CameraBlock& camera : cameras) camera.with_point *= root;
+    for (const PoseBlock& a : poses) {
+      for (const PoseBlock& b : poses) {
         if (b.offset > a.offset) continue;
-        matrix_.block(a.offset, b.offset, a.with_point.rows(), b.with_point.rows()).noalias() -=
+        matrix_.block<6, 6>(a.offset, b.offset).noalias() -= a.with_point * b.with_point.transpose();
+      }
+    }
+    for (const CameraBlock& a : cameras) {  // below the rows of all poses
+      const Eigen::Index rows = a.with_point.rows();
+      for (const PoseBlock& b : poses)
+        matrix_.block(a.offset, b.offset, rows, 6).noalias() -= a.with_point * b.with_point.transpose();
+      for (const CameraBlock& b : cameras) {
+        if (b.offset > a.offset) continue;
+        matrix_.block(a.offset, b.offset, rows, b.with_point.rows()).noalias() -=
             a.with_point * b.with_point.transpose();
       }
     }
