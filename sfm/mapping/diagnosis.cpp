@@ -31,6 +31,8 @@ constexpr double kMaxRotationShare = 0.95;
 constexpr double kMaxPlaneRatio = 0.25;
 // Well above the noise of angles in a folded model, and reached by every capture that surrounds its subject.
 constexpr double kWideAngleDeg = 5.0;
+// Enough for a median.
+constexpr std::size_t kAnglesPerPair = 1000;
 // Half a pixel of noise spreads a line of points by less than 1/100 of its length in a picture that it
 // crosses.
 constexpr double kMinLineRatio = 0.02;
@@ -78,28 +80,39 @@ std::vector<Eigen::Vector3d> Rays(const io::Scene& scene, const io::Point3D& poi
   return rays;
 }
 
-// Pairs that see their common points at more than kWideAngleDeg (median) in this model.
-std::vector<VerifiedPair> WidePairs(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
-  std::map<std::pair<int, int>, std::vector<double>> angles;
+// The angles at which each of the pairs sees its common points; of the first kAnglesPerPair of them.
+std::vector<std::vector<double>> Angles(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  const std::size_t n = scene.frames.size();
+  std::map<std::string, std::size_t> frame_index;
+  for (std::size_t i = 0; i < n; ++i) frame_index[scene.frames[i].image_path.string()] = i;
+  std::vector<int> pair_of(n * n, -1);  // of two frames
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const auto a = frame_index.find(pairs[i].name_a), b = frame_index.find(pairs[i].name_b);
+    if (a == frame_index.end() || b == frame_index.end()) continue;
+    pair_of[a->second * n + b->second] = pair_of[b->second * n + a->second] = static_cast<int>(i);
+  }
+  std::vector<std::vector<double>> angles(pairs.size());
   for (const io::Point3D& point : scene.points) {
     const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      for (std::size_t j = 0; j < rays.size(); ++j) {
-        const int a = point.frame_indices[i], b = point.frame_indices[j];
-        if (a < b) angles[{a, b}].push_back(AngleDeg(rays[i], rays[j]));
+      const auto row = static_cast<std::size_t>(point.frame_indices[i]) * n;
+      for (std::size_t j = i + 1; j < rays.size(); ++j) {
+        const int pair = pair_of[row + static_cast<std::size_t>(point.frame_indices[j])];
+        if (pair < 0) continue;
+        std::vector<double>& seen = angles[static_cast<std::size_t>(pair)];
+        if (seen.size() < kAnglesPerPair) seen.push_back(AngleDeg(rays[i], rays[j]));
       }
     }
   }
-  std::map<std::string, int> frame_index;
-  for (std::size_t i = 0; i < scene.frames.size(); ++i) {
-    frame_index[scene.frames[i].image_path.string()] = static_cast<int>(i);
-  }
+  return angles;
+}
+
+// Pairs that see their common points at more than kWideAngleDeg (median) in this model.
+std::vector<VerifiedPair> WidePairs(const io::Scene& scene, const std::vector<VerifiedPair>& pairs) {
+  const std::vector<std::vector<double>> angles = Angles(scene, pairs);
   std::vector<VerifiedPair> wide;
-  for (const VerifiedPair& pair : pairs) {
-    const auto a = frame_index.find(pair.name_a), b = frame_index.find(pair.name_b);
-    if (a == frame_index.end() || b == frame_index.end()) continue;
-    const auto seen = angles.find(std::minmax(a->second, b->second));
-    if (seen != angles.end() && io::Median(seen->second) > kWideAngleDeg) wide.push_back(pair);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (!angles[i].empty() && io::Median(angles[i]) > kWideAngleDeg) wide.push_back(pairs[i]);
   }
   return wide;
 }
@@ -161,11 +174,13 @@ double MedianTriangulationAngleDeg(const io::Scene& scene) {
   std::vector<double> angles;
   for (const io::Point3D& point : scene.points) {
     const std::vector<Eigen::Vector3d> rays = Rays(scene, point);
-    double widest = 0;
+    std::size_t a = 0, b = 0;  // the rays that are farthest apart
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      for (std::size_t j = i + 1; j < rays.size(); ++j) widest = std::max(widest, AngleDeg(rays[i], rays[j]));
+      for (std::size_t j = i + 1; j < rays.size(); ++j) {
+        if (a == b || rays[i].dot(rays[j]) < rays[a].dot(rays[b])) a = i, b = j;
+      }
     }
-    angles.push_back(widest);
+    angles.push_back(rays.empty() ? 0 : AngleDeg(rays[a], rays[b]));
   }
   return io::Median(angles);
 }
