@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "io/base/error.h"
+#include "io/base/interrupt.h"
+#include "io/base/progress.h"
 #include "sfm/bundle/bundle_state.h"
 
 namespace sfm {
@@ -41,6 +44,30 @@ void CheckObservations(const io::ColmapModel& model) {
   }
 }
 
+// Shows how far the solver has come, and stops it at an interrupt.
+class Watch : public ceres::IterationCallback {
+ public:
+  explicit Watch(const AdjustmentOptions& options) : max_iterations_(options.max_iterations) {
+    if (!options.title.empty()) progress_.emplace(options.title);
+  }
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    if (progress_) {
+      progress_->Update(std::min(0.99, static_cast<double>(summary.iteration) / max_iterations_),
+                        fmt::format("iteration {}, at most {}", summary.iteration, max_iterations_));
+    }
+    return io::PendingInterrupt() == 0 ? ceres::SOLVER_CONTINUE : ceres::SOLVER_ABORT;
+  }
+
+  void Finish() {
+    if (progress_) progress_->Update(1);
+  }
+
+ private:
+  const int max_iterations_;
+  std::optional<io::Progress> progress_;
+};
+
 class Solver {
  public:
   Solver(const io::ColmapModel& model, const std::vector<FreeIntrinsics>& free)
@@ -73,8 +100,12 @@ class Solver {
     ceres_options.function_tolerance = options.function_tolerance;
     ceres_options.gradient_tolerance = ceres_options.parameter_tolerance = 0;  // neither is free of units
     ceres_options.logging_type = ceres::SILENT;
+    Watch watch(options);
+    ceres_options.callbacks = {&watch};
     ceres::Solver::Summary summary;
     ceres::Solve(ceres_options, &problem_, &summary);
+    io::ThrowIfInterrupted();
+    watch.Finish();
     for (std::size_t i = 0; i < lens_owners_.size(); ++i) {
       state_.intrinsics[i].tail<kLensIntrinsics>() =
           state_.intrinsics[lens_owners_[i]].tail<kLensIntrinsics>();

@@ -4,6 +4,7 @@
 // rho Cauchy's loss (sfm/bundle/reprojection_cost.h).
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "io/scene/colmap_model.h"
@@ -17,6 +18,7 @@ struct AdjustmentOptions {
   // Stops when a step lowers the cost by less than this share. At 1e-6, real captures have poses within 1e-4
   // degrees of the minimum; what still moves are points with contradicting observations.
   double function_tolerance = 1e-6;
+  std::string title;  // of its progress; empty: none is shown
 };
 
 struct AdjustmentReport {
@@ -32,8 +34,9 @@ struct AdjustmentReport {
 // system in the order in which the threads arrive (with two, poses changed by 1e-7 of the scene from run to
 // run).
 //
-// Throws io::Error kNumeric, before anything is changed, naming the picture with an observation that is not
-// finite or whose point does not lie in front of it; and when the solver finds no usable solution.
+// Ends after the iteration in which an interrupt arrives, with io::Interrupted. Throws io::Error kNumeric,
+// before anything is changed, naming the picture with an observation that is not finite or whose point does
+// not lie in front of it; and when the solver finds no usable solution.
 AdjustmentReport AdjustBundle(io::ColmapModel* model, const AdjustmentOptions& options);
 
 }  // namespace sfm

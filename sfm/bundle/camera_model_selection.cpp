@@ -26,6 +26,7 @@ constexpr std::size_t kMinHeldOut = 50;  // fewer do not tell 1 %
 // Of the final adjustment, which begins near the minimum: on 300 pictures it leaves poses within 1e-4 degrees
 // of it after 9 iterations; 16 more, down to 1e-6, move them by 2e-5.
 constexpr double kNearTolerance = 1e-5;
+constexpr const char* kTitle = "sfm: adjusting";
 
 // An extension of the cameras, tried.
 struct Candidate {
@@ -304,9 +305,9 @@ AdjustmentReport AdjustFromTrial(const CameraTrial& trial, int threads, io::Colm
   io::ColmapModel start = *model;
   start.scene.cameras = model->scene.cameras = trial.scene.cameras;
   start.scene.frames = trial.scene.frames;
-  if (!AdjustPoints(&start, threads)) return AdjustBundle(model, {.free = trial.free});
+  if (!AdjustPoints(&start, threads)) return AdjustBundle(model, {.free = trial.free, .title = kTitle});
   *model = std::move(start);
-  return AdjustBundle(model, {.free = trial.free, .function_tolerance = kNearTolerance});
+  return AdjustBundle(model, {.free = trial.free, .function_tolerance = kNearTolerance, .title = kTitle});
 }
 
 }  // namespace

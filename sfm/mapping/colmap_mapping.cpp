@@ -19,7 +19,8 @@ namespace fs = std::filesystem;
 
 // Limits against hanging: ten times what the slowest supported machine was seen to need.
 constexpr double kMappingLimitS = 300, kMappingLimitPerPictureS = 20;
-constexpr const char* kRegistering = "Registering image #";  // in the mapper's log, once per picture but two
+// In the logs, once per picture; the mapper's first two go without.
+constexpr const char *kRegistering = "Registering image #", *kTriangulating = "Triangulating image #";
 
 void Append(std::vector<std::string>* arguments, const std::vector<std::string>& more) {
   arguments->insert(arguments->end(), more.begin(), more.end());
@@ -146,7 +147,10 @@ std::optional<fs::path> Colmap::Triangulate(const fs::path& images_folder,
   const fs::path output = work_folder_ / "triangulated";
   Step step = MapperStep("point_triangulator", images_folder, output, n_pictures);
   Append(&step.arguments, {"--input_path", poses.string(), "--clear_points", "1"});
+  LogProgress progress(log_path_, "sfm: triangulating", kTriangulating, 0, n_pictures);
+  step.on_tick = [&] { progress.Tick(); };
   if (!Run(step) || !io::IsColmapModel(output)) return std::nullopt;
+  progress.Finish();
   return output;
 }
 

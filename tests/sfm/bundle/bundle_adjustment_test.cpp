@@ -2,8 +2,11 @@
 #include "sfm/bundle/bundle_adjustment.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
 
 #include "io/base/error.h"
+#include "io/base/interrupt.h"
 #include "tests/support/pose_difference.h"
 #include "tests/support/sfm_bundle_problem.h"
 #include "tests/support/sfm_synthetic_model.h"
@@ -192,6 +195,22 @@ TEST(BundleAdjustment, ConjugateGradientsForMoreThanTwoHundredFramesAgree) {
   Perturb(&model, 0.01, 0.01, 12);
   sfm::AdjustBundle(&model, Tight({kFocal}));
   EXPECT_LT(Compare(model.scene, truth.scene).rotation_deg, 1e-6);
+}
+
+TEST(BundleAdjustment, AnInterruptEndsIt) {
+  testing::FLAGS_gtest_death_test_style = "threadsafe";  // a process of its own: signals stay pending
+  io::ColmapModel model = RingModel(5, 30, SmallCamera(), 0.5, 10);
+  const auto adjust = [&] {
+    io::InstallInterruptHandlers();
+    raise(SIGTERM);
+    try {
+      sfm::AdjustBundle(&model, {.free = {kFocal}});
+    } catch (const io::Interrupted&) {
+      _exit(0);
+    }
+    _exit(1);
+  };
+  EXPECT_EXIT(adjust(), testing::ExitedWithCode(0), "");
 }
 
 TEST(BundleAdjustment, ImpossibleObservationsAreRefusedByName) {
