@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <string>
 #include <unordered_map>
 
@@ -53,10 +54,16 @@ std::vector<int> SharedFrames(const io::ColmapModel& a, const io::ColmapModel& b
   return shared;
 }
 
-PointAt PointsAtKeypoints(const io::ColmapModel& a) {
+// Of the given frames of a; -1 stands for none.
+PointAt PointsAtKeypoints(const io::ColmapModel& a, const std::vector<int>& frames) {
+  std::vector<bool> wanted(a.scene.frames.size(), false);
+  for (const int frame : frames) {
+    if (frame >= 0) wanted[Index(frame)] = true;
+  }
   PointAt points;
-  points.reserve(a.observations.size());
-  for (const io::Observation& o : a.observations) points[{o.frame_index, o.xy.x(), o.xy.y()}] = o.point_index;
+  for (const io::Observation& o : a.observations) {
+    if (wanted[Index(o.frame_index)]) points[{o.frame_index, o.xy.x(), o.xy.y()}] = o.point_index;
+  }
   return points;
 }
 
@@ -70,7 +77,7 @@ std::vector<SharedPoint> SharedPoints(const io::ColmapModel& a, const io::Colmap
   const std::vector<int> shared = SharedFrames(a, b);
   if (std::count_if(shared.begin(), shared.end(), [](int i) { return i >= 0; }) < kMinSharedPictures)
     return {};
-  const PointAt point_at = PointsAtKeypoints(a);
+  const PointAt point_at = PointsAtKeypoints(a, shared);
   std::vector<SharedPoint> points;
   for (io::Observation o : b.observations) {
     const int frame = shared[Index(o.frame_index)];
@@ -116,12 +123,14 @@ std::vector<SharedPoint> EvenlyChosen(const std::vector<SharedPoint>& points, st
   return chosen;
 }
 
-// As io::ColmapModel promises.
+// As io::ColmapModel promises. Observations of a point keep their order.
 void OrderByPoint(io::ColmapModel* model) {
-  std::stable_sort(
-      model->observations.begin(),
-      model->observations.end(),
-      [](const io::Observation& a, const io::Observation& b) { return a.point_index < b.point_index; });
+  std::vector<std::size_t> next(model->scene.points.size() + 1, 0);
+  for (const io::Observation& o : model->observations) ++next[Index(o.point_index) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  std::vector<io::Observation> ordered(model->observations.size());
+  for (const io::Observation& o : model->observations) ordered[next[Index(o.point_index)]++] = o;
+  model->observations = std::move(ordered);
   for (io::Point3D& point : model->scene.points) point.frame_indices.clear();
   for (const io::Observation& o : model->observations)
     model->scene.points[Index(o.point_index)].frame_indices.push_back(o.frame_index);
@@ -158,7 +167,7 @@ void AddModel(const io::ColmapModel& b,
               const std::vector<int>& camera_of,
               io::ColmapModel* a) {
   std::vector<int> frame_of = SharedFrames(*a, b);
-  PointAt point_at = PointsAtKeypoints(*a);
+  PointAt point_at = PointsAtKeypoints(*a, frame_of);
   for (std::size_t i = 0; i < frame_of.size(); ++i) {
     if (frame_of[i] >= 0) continue;
     frame_of[i] = static_cast<int>(a->scene.frames.size());
