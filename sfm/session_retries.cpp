@@ -15,7 +15,8 @@ namespace {
 constexpr int kRetryFeatures = 8192;
 // Further attempts are made while fewer pictures than this are registered.
 constexpr double kGoodRegisteredShare = 0.9;
-// What mapping as a whole takes, in times of mapping in blocks: 2 on 300 pictures and two cores.
+// At most what mapping as a whole takes, in times of mapping in blocks: 1.6 on 300 pictures and two cores,
+// more on larger captures and more cores.
 constexpr double kWholeOverBlocks = 4;
 // Comparisons of descriptors for the second look, over all that were made before it: at most doubling a step
 // that takes a quarter of the time.

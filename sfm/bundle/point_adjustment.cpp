@@ -9,7 +9,8 @@ namespace sfm {
 namespace {
 
 constexpr int kPointIterations = 10;
-// Of the squared length of a step, over that of the distance from the cameras: below, the point stays.
+// Of the squared length of a step, over that of the point's position plus one, in units of the cameras'
+// spread: below, rounding moves the point as much.
 constexpr double kSmallestStep = 1e-20;
 // Damping of the first step, and what a step that worked or failed changes it by.
 constexpr double kDamping = 1e-4, kEasier = 0.1, kHarder = 10;

@@ -132,7 +132,10 @@ std::vector<FoundModel> MapInBlocks(Colmap* colmap,
 
   const int n = static_cast<int>(views.names.size());
   std::optional<fs::path> path = colmap->Triangulate(images_folder, poses, n);
-  if (!path) return reader.ReadAll(paths);
+  if (!path) {
+    attempt->n_joined = 0;
+    return reader.ReadAll(paths);
+  }
   FoundModel joined{*path, reader.Read(*path)};
   if (static_cast<int>(joined.model.scene.frames.size()) < n) {
     path = colmap->Continue(images_folder, joined.path, n, options.relaxed);
