@@ -1,6 +1,6 @@
 #!/bin/bash
-# Installs, builds presets fuzz and test, runs the fuzz targets for a minute each and then every test. The last line is
-# ctest's summary of the tests.
+# Installs, builds presets fuzz and test, runs the fuzz targets for a minute each, the tests of what works on raw memory
+# under AddressSanitizer and UBSan, and then every test. The last line is ctest's summary of the tests.
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$root"

@@ -123,7 +123,8 @@ void StageRun::Follow(const std::string& origin) {
   io::AllRanks().Broadcast(&told);
   up_to_date_ = told.starts_with("1");
   std::istringstream theirs(told.substr(1)), mine(origin);
-  for (std::string a, b; bool(std::getline(theirs, a)) | bool(std::getline(mine, b)); a.clear(), b.clear()) {
+  for (std::string a, b; theirs || mine; a.clear(), b.clear()) {
+    std::getline(theirs, a), std::getline(mine, b);
     if (a == b) continue;
     throw Error(ExitCode::kUsage,
                 fmt::format("rank {} differs from rank 0: {} instead of {}",

@@ -84,8 +84,8 @@ std::vector<PairMatches> MatchFeatures(const std::vector<Features>& features,
     second = {};
     if (blocks[1] != blocks[0]) second = Prepare(kernel, features, blocks[1], threads);
     const std::vector<kernels::Prepared>& other = blocks[1] != blocks[0] ? second : first;
-    io::ParallelFor(members.size(), threads, [&](std::size_t i) {
-      PairMatches* pair = members[i];
+    io::ParallelFor(members.size(), threads, [&, &pairs = members](std::size_t i) {
+      PairMatches* pair = pairs[i];
       pair->matches = MatchesOf(kernel,
                                 first[static_cast<std::size_t>(pair->a % kBlock)],
                                 other[static_cast<std::size_t>(pair->b % kBlock)]);

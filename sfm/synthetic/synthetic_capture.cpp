@@ -82,7 +82,7 @@ std::optional<Eigen::Vector2d> ProjectRolling(const io::Camera& camera,
 }
 
 Eigen::Vector3d UnitVector(Random* random) {
-  Eigen::Vector3d x(random->Normal(), random->Normal(), random->Normal());
+  Eigen::Vector3d x{random->Normal(), random->Normal(), random->Normal()};
   return x.normalized();
 }
 

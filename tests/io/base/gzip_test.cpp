@@ -22,7 +22,7 @@ std::string Unpacked(const std::string& bytes, std::size_t size) {
 
 TEST(Gzip, IsReadBack) {
   std::string bytes;
-  for (int i = 0; i < 100000; ++i) bytes += static_cast<char>(i * i >> 7);
+  for (unsigned i = 0; i < 100000; ++i) bytes += static_cast<char>(i * i >> 7);
   for (const std::string& text : {std::string(), std::string("a"), bytes})
     EXPECT_EQ(Unpacked(Gzip(text), text.size()), text);
   EXPECT_LT(Gzip(std::string(100000, 'a')).size(), 1000u);

@@ -207,10 +207,10 @@ TEST(CarveByFrusta, BlocksDecideAsSingleCellsDo) {
   io::Scene scene = tests::SceneOf(std::vector(12, dir / "a.png"), 20, 20);
   io::Random random(7, io::Stream::kInit, 0, 0);
   for (io::Frame& frame : scene.frames) {
-    const auto uniform = [&] { return 2 * random.Uniform() - 1; };
-    frame.world_from_cam.translation = 2.5 * Eigen::Vector3d(uniform(), uniform(), uniform());
-    frame.world_from_cam.rotation =
-        Eigen::Quaterniond(uniform(), uniform(), uniform(), uniform()).normalized().toRotationMatrix();
+    Eigen::Vector<double, 7> values;
+    for (double& value : values) value = 2 * random.Uniform() - 1;
+    frame.world_from_cam.translation = 2.5 * values.head<3>();
+    frame.world_from_cam.rotation = Eigen::Quaterniond(values.tail<4>().normalized()).toRotationMatrix();
   }
   const SceneContraction contraction = {{0, 0, 0}, 1, true};
   constexpr float kNear = 1.2f;

@@ -2,6 +2,7 @@
 #include "nerf/fields/checkpoint.h"
 
 #include <cstring>
+#include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
 #include "io/base/hash.h"

@@ -86,9 +86,15 @@ TYPED_TEST(NetworkKernelsTest, ProductsAndTheirGradientsForAwkwardSizes) {
         // |x|, |w| <= 1, hence sum |x||w| <= k.
         const double bound = 2.0 * k * 0x1p-24 * k;
         Doubles exact(un * um);
-        const auto expect = [&](Epilogue epilogue) {
-          reference::Matmul(
-              n, k, m, ToDouble(x).data(), w_exact.data(), epilogue, ToDouble(mask).data(), exact.data());
+        const auto expect = [&, rows = k, columns = m](Epilogue epilogue) {
+          reference::Matmul(n,
+                            rows,
+                            columns,
+                            ToDouble(x).data(),
+                            w_exact.data(),
+                            epilogue,
+                            ToDouble(mask).data(),
+                            exact.data());
         };
         for (const Epilogue epilogue : {Epilogue::kNone, Epilogue::kRelu, Epilogue::kMask}) {
           std::vector<Real> y(un * um + 1, ToReal<Real>({7.f})[0]);

@@ -19,7 +19,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 Matrix3d Turn(double angle, const Vector3d& axis) { return AngleAxisd(angle, axis).toRotationMatrix(); }
 
 Matrix3d RandomRotation(sfm::Random* random) {
-  const Vector3d axis(random->Normal(), random->Normal(), random->Normal());
+  const Vector3d axis{random->Normal(), random->Normal(), random->Normal()};
   return Turn(random->Uniform(0, std::numbers::pi), axis.normalized());
 }
 
