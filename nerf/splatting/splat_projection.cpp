@@ -64,12 +64,13 @@ bool SplatProjection::Project(const SplatCamera& camera, const Splats& splats, s
   camera_ = &camera, splats_ = &splats;
   in_scene_ = Vector3f(&splats.places[3 * index]) - camera.centre;
   in_cam_ = camera.rotation * in_scene_;
+  if (!(in_cam_.z() > static_cast<float>(kNearestSplat))) return false;
+  const Vector3f log_scales(&splats.log_scales[3 * index]);
+  if (camera.IsBeside(in_cam_, std::exp(log_scales.maxCoeff()))) return false;
   blended_.opacity = 1 / (1 + std::exp(-splats.opacities[index]));
-  if (!(in_cam_.z() > static_cast<float>(kNearestSplat) && blended_.opacity > kernels::kMinSplatAlpha))
-    return false;
+  if (!(blended_.opacity > kernels::kMinSplatAlpha)) return false;
 
-  scales_ = Vector3f(&splats.log_scales[3 * index]).array().exp();
-  if (camera.IsBeside(in_cam_, scales_.maxCoeff())) return false;
+  scales_ = log_scales.array().exp();
   axes_ = RotationOf(Vector4f(&splats.rotations[4 * index]).normalized());
   picture_from_scene_ = Jacobian() * camera.rotation;
   picture_from_axes_ = picture_from_scene_ * axes_ * scales_.asDiagonal();

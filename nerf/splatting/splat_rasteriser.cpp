@@ -4,7 +4,6 @@
 #include <numeric>
 
 #include "nerf/kernels/kernels.h"
-#include "nerf/splatting/splat_projection.h"
 
 namespace nerf {
 namespace {
@@ -50,20 +49,22 @@ struct SplatRasteriser::Tile {
   }
 };
 
-void SplatRasteriser::Place(const Splats& splats, const SplatView& view) {
+void SplatRasteriser::Place(const Splats& splats, const SplatView& view, bool keep_projections) {
   placed_.resize(splats.size());
-  const SplatCamera camera(view);
+  if (keep_projections) projections_.resize(splats.size());
+  camera_.emplace(view);
   ForEachPiece(workers_, splats.size(), [&](std::size_t begin, std::size_t end) {
-    SplatProjection projection;
+    SplatProjection passing;
     for (std::size_t i = begin; i < end; ++i) {
       placed_[i] = {};
-      if (!projection.Project(camera, splats, i)) continue;
+      SplatProjection& projection = keep_projections ? projections_[i] : passing;
+      if (!projection.Project(*camera_, splats, i)) continue;
       placed_[i].blended = projection.blended();
       placed_[i].depth = projection.depth();
       TileLists::SetTiles(view.camera.width, view.camera.height, &placed_[i]);
     }
   });
-  lists_.Build(view.camera.width, view.camera.height, placed_);
+  lists_.Build(view.camera.width, view.camera.height, placed_, workers_);
 }
 
 void SplatRasteriser::BlendTile(int index, const io::Camera& camera, Tile* tile) {
@@ -71,7 +72,6 @@ void SplatRasteriser::BlendTile(int index, const io::Camera& camera, Tile* tile)
   tile->x = index % across * kTileSide, tile->y = index / across * kTileSide;
   tile->x_end = std::min(camera.width, tile->x + kTileSide);
   tile->y_end = std::min(camera.height, tile->y + kTileSide);
-  lists_.Sort(index);
   tile->splats.clear();
   for (const TileLists::Entry* entry = lists_.begin(index); entry != lists_.end(index); ++entry)
     tile->splats.push_back(placed_[entry->splat].blended);
@@ -87,7 +87,7 @@ void SplatRasteriser::BlendTile(int index, const io::Camera& camera, Tile* tile)
 
 SplatPicture SplatRasteriser::Render(const Splats& splats, const SplatView& view) {
   const io::Camera& camera = view.camera;
-  Place(splats, view);
+  Place(splats, view, false);
   const std::size_t n = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   SplatPicture picture{.rgb = std::vector<float>(3 * n), .transmittance = std::vector<float>(n)};
   std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
@@ -137,17 +137,15 @@ double SplatRasteriser::PullBackTile(int index,
   return squares;
 }
 
-void SplatRasteriser::PullBackSplats(const Splats& splats, const SplatView& view, Splats* gradient) {
-  const SplatCamera camera(view);
-  ForEachPiece(workers_, splats.size(), [&](std::size_t begin, std::size_t end) {
-    SplatProjection projection;
+void SplatRasteriser::PullBackSplats(std::size_t n_splats, Splats* gradient) {
+  ForEachPiece(workers_, n_splats, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const std::uint32_t first = lists_.FirstSlot(i), n = placed_[i].n_tiles();
+      const std::uint32_t n = placed_[i].n_tiles();
       if (n == 0) continue;
+      const std::uint32_t first = lists_.FirstSlot(i);
       kernels::BlendedSplatGradient sum = {};
       for (std::uint32_t slot = first; slot < first + n; ++slot) Add(slots_[slot], &sum);
-      projection.Project(camera, splats, i);
-      projection.PullBack(sum, i, gradient);
+      projections_[i].PullBack(sum, i, gradient);
     }
   });
 }
@@ -157,7 +155,7 @@ double SplatRasteriser::Gradient(const Splats& splats,
                                  const std::array<float, 3>& background,
                                  Splats* gradient) {
   const io::Camera& camera = target.view.camera;
-  Place(splats, target.view);
+  Place(splats, target.view, true);
   slots_.resize(lists_.n_slots());
   std::vector<double> squares(static_cast<std::size_t>(lists_.n_tiles()));
   std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
@@ -166,7 +164,7 @@ double SplatRasteriser::Gradient(const Splats& splats,
     BlendTile(index, camera, &tile);
     squares[static_cast<std::size_t>(index)] = PullBackTile(index, target, background, &tile);
   });
-  PullBackSplats(splats, target.view, gradient);
+  PullBackSplats(splats.size(), gradient);
   return std::accumulate(squares.begin(), squares.end(), 0.0) / (3.0 * camera.width * camera.height);
 }
 

@@ -47,7 +47,7 @@ std::size_t SplatFit::Number(std::size_t n_pixels) {
 std::size_t SplatFit::Bytes(std::size_t n_pixels) {
   // Values, moments, gradients, a copy while a checkpoint is written; and in the picture of a room, which
   // each splat meets in a few tiles, their places and gradients.
-  constexpr std::size_t kPerSplat = 23 * sizeof(float) * 6, kInPicture = 400;
+  constexpr std::size_t kPerSplat = 23 * sizeof(float) * 6, kInPicture = 600;
   return Number(n_pixels) * (kPerSplat + kInPicture);
 }
 
