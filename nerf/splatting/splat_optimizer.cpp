@@ -13,7 +13,7 @@ namespace {
 
 // Adam's rates at the start; all fall evenly in their logarithm to kLastShare of that.
 constexpr float kPlaceRate = 0.1f;  // in units of the splat's first size
-constexpr float kScaleRate = 0.04f, kRotationRate = 0.02f, kOpacityRate = 0.1f, kColourRate = 0.03f;
+constexpr float kScaleRate = 0.12f, kRotationRate = 0.02f, kOpacityRate = 0.2f, kColourRate = 0.03f;
 constexpr double kLastShare = 0.1;
 constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
 // Splats per task, so that the arrays of a task hold whole vectors.

@@ -20,6 +20,12 @@ constexpr int kBeside = 2;
 constexpr float kSteepest = 6;
 // Rays per pixel: itself, along its row, along its column.
 constexpr std::size_t kRays = 3;
+// Of the pixels: chosen without regard to what they show.
+constexpr float kEvenShare = 0.5f;
+// Contrasts above this multiple of the mean count as it; how many pixels are drawn at most until one is
+// chosen by its contrast; and how many the mean is taken over.
+constexpr float kMostContrast = 4;
+constexpr int kMostDraws = 64, kSampled = 10000;
 // Pixels whose rays are in memory together.
 constexpr std::size_t kBatch = 1 << 15;
 
@@ -34,14 +40,53 @@ struct ChosenPixel {
   }
 };
 
-ChosenPixel Choose(const Dataset& dataset, std::uint64_t seed, std::size_t index) {
-  io::Random random(seed, io::Stream::kSplat, 0, index);
-  const std::size_t pixel = dataset.UsedPixel(random.Below(static_cast<std::uint32_t>(dataset.n_used())));
+ChosenPixel PixelAt(const Dataset& dataset, std::size_t pixel) {
   const View& view = dataset.ViewOf(pixel);
   const auto in_view = static_cast<int>(pixel - view.first_pixel);
   const int x = in_view % view.width, y = in_view / view.width;
   return {&view, pixel, x, y, x >= kBeside ? -kBeside : kBeside, y >= kBeside ? -kBeside : kBeside};
 }
+
+// Chooses pixels: kEvenShare of them evenly, the others in proportion to how much the photograph changes
+// there.
+class PixelChoice {
+ public:
+  PixelChoice(const Dataset& dataset, std::uint64_t seed) : dataset_(dataset), seed_(seed) {
+    io::Random random(seed, io::Stream::kSplat, 1, 0);
+    for (int i = 0; i < kSampled; ++i) mean_contrast_ += Contrast(Even(&random)) / kSampled;
+  }
+
+  ChosenPixel operator()(std::size_t index) const {
+    io::Random random(seed_, io::Stream::kSplat, 0, index);
+    const bool is_even = random.Uniform() < kEvenShare;
+    ChosenPixel pixel = Even(&random);
+    for (int i = 0; i < kMostDraws && !is_even; ++i) {
+      if (random.Uniform() * kMostContrast * mean_contrast_ < Contrast(pixel)) break;
+      pixel = Even(&random);
+    }
+    return pixel;
+  }
+
+ private:
+  ChosenPixel Even(io::Random* random) const {
+    const auto n_used = static_cast<std::uint32_t>(dataset_.n_used());
+    return PixelAt(dataset_, dataset_.UsedPixel(random->Below(n_used)));
+  }
+  // Sum of the absolute differences from the two pixels beside it, in grey levels.
+  double Contrast(const ChosenPixel& chosen) const {
+    const auto channels = static_cast<std::ptrdiff_t>(dataset_.channels);
+    const auto here = dataset_.pixels.begin() + static_cast<std::ptrdiff_t>(chosen.pixel) * channels;
+    int sum = 0;
+    for (const int step : {chosen.right, chosen.down * chosen.view->width}) {
+      for (std::ptrdiff_t c = 0; c < channels; ++c) sum += std::abs(here[step * channels + c] - here[c]);
+    }
+    return sum;
+  }
+
+  const Dataset& dataset_;
+  const std::uint64_t seed_;
+  double mean_contrast_ = 0;
+};
 
 // rays: those of the pixel and of the two beside it.
 void AddPoint(const SceneField& scene_field,
@@ -77,12 +122,13 @@ std::vector<SurfacePoint> FieldSurface(const SceneField& scene_field,
                                        std::size_t number,
                                        std::uint64_t seed,
                                        io::Workers* workers) {
+  const PixelChoice choose(dataset, seed);
   std::vector<SurfacePoint> points;
   for (std::size_t begin = 0; begin < number; begin += kBatch) {
     std::vector<ChosenPixel> chosen;
     std::vector<CameraPixel> pixels;
     for (std::size_t i = begin; i < std::min(number, begin + kBatch); ++i) {
-      const ChosenPixel& d = chosen.emplace_back(Choose(dataset, seed, i));
+      const ChosenPixel& d = chosen.emplace_back(choose(i));
       pixels.push_back({&d.view->camera, d.x, d.y});
       pixels.push_back({&d.view->camera, d.x + d.right, d.y});
       pixels.push_back({&d.view->camera, d.x, d.y + d.down});
