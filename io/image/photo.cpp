@@ -83,14 +83,13 @@ void FitWithin(int max_side, int* width, int* height) {
   *height = std::max(1, static_cast<int>(std::lround(*height * scale)));
 }
 
-std::size_t DecodingBytes(const std::filesystem::path& file) {
+DecodingCost CostOfDecoding(const std::filesystem::path& file) {
   constexpr double kBytesPerPixel = 16;
-  double pixels = kMaxPhotoPixels;
-  if (const std::optional<ImageSize> size = ReadHeaderSize(file))
-    pixels = std::min(pixels, 1.0 * size->width * size->height);
+  const std::optional<ImageSize> size = ReadHeaderSize(file);
+  const double pixels = size ? std::min(kMaxPhotoPixels, 1.0 * size->width * size->height) : kMaxPhotoPixels;
   std::error_code error;
   const std::uintmax_t bytes = std::filesystem::file_size(file, error);
-  return static_cast<std::size_t>(kBytesPerPixel * pixels) + (error ? 0 : bytes);
+  return {static_cast<std::size_t>(kBytesPerPixel * pixels) + (error ? 0 : bytes), size.has_value()};
 }
 
 Photo DecodePhoto(std::string_view file, int max_side) {

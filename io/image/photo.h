@@ -25,10 +25,14 @@ struct Photo {
 // file name: truncated, damaged, oversized, or of a kind that is not read.
 Photo DecodePhoto(std::string_view file, int max_side);
 
-// Bytes that DecodePhoto takes at most, its input included, by the size in the header: 16 per pixel, as for
-// 16 bits with alpha; photos of 8 bits take 11. Of kinds whose header is not looked at, and of what is no
-// picture, those of the largest photo.
-std::size_t DecodingBytes(const std::filesystem::path& file);
+// Bytes that DecodePhoto takes at most, its input included: 16 per pixel, as for 16 bits with alpha; photos
+// of 8 bits take 11.
+struct DecodingCost {
+  std::size_t bytes;
+  bool is_known;  // by the size in the header; else, of other kinds and of what is no picture, the largest
+                  // photo's
+};
+DecodingCost CostOfDecoding(const std::filesystem::path& file);
 
 // EXIF 2.32 tag 274. orientation in 1..8 says where row 0 and column 0 of the stored picture belong.
 Image ApplyOrientation(const Image& stored, int orientation);

@@ -12,7 +12,6 @@
 #include "io/base/interrupt.h"
 #include "io/base/parallel.h"
 #include "io/base/progress.h"
-#include "io/image/image_size.h"
 #include "io/image/photo.h"
 #include "pipeline/ingest/ingest.h"
 #include "pipeline/ingest/photo_masks.h"
@@ -170,8 +169,8 @@ int PhotosAtOnce(const std::vector<fs::path>& files, const IngestOptions& option
   std::size_t largest = 0, of_unknown_size = 0;
   fs::path largest_file;
   for (const fs::path& file : files) {
-    const std::size_t bytes = io::DecodingBytes(file);
-    if (!io::ReadHeaderSize(file)) {
+    const auto [bytes, is_known] = io::CostOfDecoding(file);
+    if (!is_known) {
       of_unknown_size = std::max(of_unknown_size, bytes);
     } else if (bytes > largest) {
       largest = bytes, largest_file = file;
