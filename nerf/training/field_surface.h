@@ -10,8 +10,9 @@
 
 namespace nerf {
 
-// `number` used pixels of all views, chosen by chance, each at the distance where half of its ray's light is
-// absorbed, with the colour of the photograph. Normals are those of the plane through the pixel and two
+// `number` used pixels of all views, chosen by chance, half of them evenly and half in proportion to how much
+// the photograph changes there; each at the distance where half of its ray's light is absorbed, with the
+// colour of the photograph. Normals are those of the plane through the pixel and two
 // beside it, and where these show something else they point to the camera. Where rays leave the scene the
 // point lies in the sky, too far away to move between views; without a sky, there is none.
 std::vector<SurfacePoint> FieldSurface(const SceneField& scene_field,

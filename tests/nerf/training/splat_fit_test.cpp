@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "nerf/rendering/capture_geometry.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/field_surface.h"
@@ -68,6 +71,20 @@ TEST_F(SplatFits, SurfacePointsLieOnTheBallAndOnTheWalls) {
   }
   EXPECT_GT(n_ball, 60);  // it covers a fifth of the pictures
   EXPECT_GT(n_upright, n_ball * 6 / 10);
+}
+
+// Grey pictures whose left quarter is a chequerboard: half of the points and a quarter of the others lie
+// there.
+TEST_F(SplatFits, HalfOfTheSurfacePointsLieWherePicturesChange) {
+  for (std::size_t i = 0; i < dataset_.pixels.size(); ++i) {
+    const std::size_t x = i / 3 % 48, y = i / 3 / 48;
+    dataset_.pixels[i] = x >= 12 ? 128 : (x / 2 + y / 2) % 2 == 0 ? 255 : 0;
+  }
+  const std::vector<SurfacePoint> points = FieldSurface(*scene_field_, dataset_, 2000, 1, &workers_);
+  const auto n_grey = std::count_if(points.begin(), points.end(), [](const SurfacePoint& point) {
+    return std::abs(point.rgb.x() - 128 / 255.f) < 0.01f;
+  });
+  EXPECT_NEAR(static_cast<double>(n_grey) / 2000, 0.5 * 0.75, 0.06);
 }
 
 TEST_F(SplatFits, MakeHeldOutPicturesBetter) {
