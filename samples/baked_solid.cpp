@@ -32,7 +32,7 @@ BakedSolid::BakedSolid(const Solid& solid, int threads) : solid_(solid), cell_(2
 }
 
 std::size_t BakedSolid::Index(int x, int y, int z) const {
-  return (static_cast<std::size_t>(z) * (kCells + 1) + y) * (kCells + 1) + x;
+  return static_cast<std::size_t>((std::ptrdiff_t{z} * (kCells + 1) + y) * (kCells + 1) + x);
 }
 
 void BakedSolid::BakeLight(const LightFunction& light, int threads) {

@@ -68,8 +68,9 @@ void WriteDepth(const fs::path& path, const io::Camera& camera, const std::vecto
   const std::size_t row_bytes = static_cast<std::size_t>(camera.width) * sizeof(float);
   std::string bytes = fmt::format("Pf\n{} {}\n-1.0\n", camera.width, camera.height);
   for (int y = camera.height - 1; y >= 0; --y) {
-    bytes.append(reinterpret_cast<const char*>(&depth[static_cast<std::size_t>(y) * camera.width]),
-                 row_bytes);
+    bytes.append(
+        reinterpret_cast<const char*>(&depth[static_cast<std::size_t>(std::ptrdiff_t{y} * camera.width)]),
+        row_bytes);
   }
   io::WriteFileAtomically(path, bytes);
 }

@@ -32,10 +32,11 @@ Eigen::Vector2d SampleInPixel(int s, int samples) {
 
 Photographer::Photographer(const io::Camera& camera, int samples, int threads)
     : camera_(camera), samples_(samples), threads_(threads) {
-  const auto count = static_cast<std::size_t>(samples);
-  rays_.resize(count * camera.width * camera.height);
-  io::ParallelFor(static_cast<std::size_t>(camera.height), threads, [&](std::size_t y) {
-    std::size_t i = count * y * camera.width;
+  const auto rows = static_cast<std::size_t>(camera.height),
+             row_rays = static_cast<std::size_t>(std::ptrdiff_t{camera.width} * samples);
+  rays_.resize(rows * row_rays);
+  io::ParallelFor(rows, threads, [&](std::size_t y) {
+    std::size_t i = y * row_rays;
     for (int x = 0; x < camera.width; ++x) {
       for (int s = 0; s < samples; ++s) {
         const auto ray = io::RayFromImg(camera, Eigen::Vector2d(x, y) + SampleInPixel(s, samples));
@@ -54,8 +55,8 @@ io::Image Photographer::Take(const StillLife& scene,
   const double pixel_angle = 1 / (camera_.fl_x * std::sqrt(samples_));
   const double gain = std::exp2(exposure.ev) / static_cast<double>(per_pixel * poses.size());
   io::ParallelFor(static_cast<std::size_t>(camera_.height), threads_, [&](std::size_t y) {
-    for (int x = 0; x < camera_.width; ++x) {
-      const Eigen::Vector3f* rays = &rays_[per_pixel * (static_cast<std::size_t>(y) * camera_.width + x)];
+    const Eigen::Vector3f* rays = &rays_[y * static_cast<std::size_t>(camera_.width * samples_)];
+    for (int x = 0; x < camera_.width; ++x, rays += samples_) {
       Vec3 sum = Vec3::Zero();
       for (const io::Rigid3d& pose : poses) {
         for (std::size_t s = 0; s < per_pixel; ++s) {
@@ -66,7 +67,8 @@ io::Image Photographer::Take(const StillLife& scene,
         }
       }
       for (int c = 0; c < 3; ++c) {
-        const double noise = exposure.noise_sigma * NormalHash(3 * x + c, y, exposure.noise_seed);
+        const double noise =
+            exposure.noise_sigma * NormalHash(3 * x + c, static_cast<std::int64_t>(y), exposure.noise_seed);
         image.Pixel(x, y)[c] = Quantised(gain * sum[c], noise);
       }
     }
@@ -75,12 +77,12 @@ io::Image Photographer::Take(const StillLife& scene,
 }
 
 std::vector<float> Photographer::TakeDepth(const StillLife& scene, const io::Rigid3d& world_from_cam) const {
-  std::vector<float> depth(static_cast<std::size_t>(camera_.width) * camera_.height);
+  std::vector<float> depth(static_cast<std::size_t>(std::ptrdiff_t{camera_.width} * camera_.height));
   io::ParallelFor(static_cast<std::size_t>(camera_.height), threads_, [&](std::size_t y) {
+    float* row = &depth[y * static_cast<std::size_t>(camera_.width)];
     for (int x = 0; x < camera_.width; ++x) {
       const Vec3 ray = io::RayFromImg(camera_, {x + 0.5, y + 0.5}).value();
-      depth[static_cast<std::size_t>(y) * camera_.width + x] =
-          static_cast<float>(scene.Depth(world_from_cam.translation, world_from_cam.rotation * ray));
+      row[x] = static_cast<float>(scene.Depth(world_from_cam.translation, world_from_cam.rotation * ray));
     }
   });
   return depth;

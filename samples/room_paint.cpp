@@ -44,7 +44,7 @@ Vec3 SmallPicture(double u, double v, std::uint64_t seed) {
         Mix(sky, Srgb(0xffffff), 0.5 * SmoothStep(0.5, 0.7, FractalNoise(5 * u, 9 * v, 4, seed + 1)));
     const double sun = std::hypot(u - 0.2 - 0.6 * UnitHash(2, 2, seed), v - 0.72);
     if (sun < 0.09) colour = Srgb(0xf4c048);
-    for (int hill = 0; hill < 3; ++hill) {
+    for (unsigned hill = 0; hill < 3; ++hill) {
       const double ridge = 0.62 - 0.2 * hill + 0.3 * (FractalNoise((3 + hill) * u, hill, 4, seed + 2) - 0.5);
       if (v < ridge)
         colour = RandomColour(seed + 5 + hill) * (0.5 + 0.7 * FractalNoise(25 * u, 25 * v, 3, seed + hill));

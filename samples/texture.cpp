@@ -14,24 +14,26 @@ Texture::Texture(int width,
                  int threads,
                  const std::function<Eigen::Vector3d(double u, double v)>& paint)
     : wrap_u_(wrap_u) {
-  Level base{width, height, std::vector<Eigen::Vector3f>(static_cast<std::size_t>(width) * height)};
+  Level base{
+      width, height, std::vector<Eigen::Vector3f>(static_cast<std::size_t>(std::ptrdiff_t{width} * height))};
   io::ParallelFor(static_cast<std::size_t>(height), threads, [&](std::size_t y) {
+    Eigen::Vector3f* row = &base.texels[y * static_cast<std::size_t>(width)];
     for (int x = 0; x < width; ++x) {
-      base.texels[static_cast<std::size_t>(y) * width + x] =
-          paint((x + 0.5) / width, (y + 0.5) / height).cast<float>();
+      row[x] = paint((x + 0.5) / width, (y + 0.5) / height).cast<float>();
     }
   });
   levels_.push_back(std::move(base));
   while (levels_.back().width > 1 && levels_.back().height > 1) {
     const Level& fine = levels_.back();
     Level coarse{fine.width / 2, fine.height / 2, {}};
-    coarse.texels.resize(static_cast<std::size_t>(coarse.width) * coarse.height);
+    coarse.texels.resize(static_cast<std::size_t>(std::ptrdiff_t{coarse.width} * coarse.height));
     for (int y = 0; y < coarse.height; ++y) {
-      for (int x = 0; x < coarse.width; ++x) {
-        const Eigen::Vector3f* row0 = &fine.texels[static_cast<std::size_t>(2 * y) * fine.width + 2 * x];
-        const Eigen::Vector3f* row1 = row0 + fine.width;
-        coarse.texels[static_cast<std::size_t>(y) * coarse.width + x] =
-            0.25f * (row0[0] + row0[1] + row1[0] + row1[1]);
+      Eigen::Vector3f* row = &coarse.texels[static_cast<std::size_t>(std::ptrdiff_t{y} * coarse.width)];
+      const Eigen::Vector3f* row0 =
+          &fine.texels[static_cast<std::size_t>(std::ptrdiff_t{2} * y * fine.width)];
+      const Eigen::Vector3f* row1 = row0 + fine.width;
+      for (int x = 0; x < coarse.width; ++x, row0 += 2, row1 += 2) {
+        row[x] = 0.25f * (row0[0] + row0[1] + row1[0] + row1[1]);
       }
     }
     levels_.push_back(std::move(coarse));
@@ -47,9 +49,9 @@ Eigen::Vector3f Texture::Bilinear(const Level& level, double u, double v) const 
     return wrap_u_ ? i % level.width : std::clamp(i - level.width, 0, level.width - 1);
   };
   const int x0 = column(ix), x1 = column(ix + 1);
-  const Eigen::Vector3f* row0 = &level.texels[static_cast<std::size_t>(iy) * level.width];
-  const Eigen::Vector3f* row1 =
-      &level.texels[static_cast<std::size_t>(std::min(iy + 1, level.height - 1)) * level.width];
+  const Eigen::Vector3f* row0 = &level.texels[static_cast<std::size_t>(std::ptrdiff_t{iy} * level.width)];
+  const Eigen::Vector3f* row1 = &level.texels[static_cast<std::size_t>(
+      std::ptrdiff_t{std::min(iy + 1, level.height - 1)} * level.width)];
   const Eigen::Vector3f top = row0[x0] + fx * (row0[x1] - row0[x0]),
                         bottom = row1[x0] + fx * (row1[x1] - row1[x0]);
   return top + fy * (bottom - top);

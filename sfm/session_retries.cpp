@@ -28,7 +28,7 @@ constexpr double kSecondLookContrast = 0.01;
 
 std::vector<Session::StrongerSetting> Session::StrongerSettings(const std::vector<PairMatches>& matches,
                                                                 std::size_t n_pairs) {
-  const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
+  const std::size_t all = pictures_.size() * (pictures_.size() - 1) / 2;
   const double all_over_now =
       static_cast<double>(all) / static_cast<double>(std::max<std::size_t>(1, n_pairs));
   const ReconstructionTimes& t = result_.times;
@@ -107,7 +107,7 @@ void Session::LookAgain() {
   if (best_->Registered() == n() || !Registered(kMinRegisteredShare)) return;
   const int features =
       options_.detector == "opencv" ? std::max(best_max_features_, kRetryFeatures) : best_max_features_;
-  const std::size_t all = static_cast<std::size_t>(n()) * (n() - 1) / 2;
+  const std::size_t all = pictures_.size() * (pictures_.size() - 1) / 2;
   if (best_->matches.size() == all && features == best_max_features_) return;  // nothing new to see
   const std::vector<int> left_out = LeftOutPictures(*best_);
   const std::vector<int> chosen =

@@ -23,7 +23,7 @@ void ReadExif(const heif_image_handle* handle, PhotoTags* tags) {
   if (block.size() < 4 || heif_image_handle_get_metadata(handle, id, block.data()).code != heif_error_Ok)
     return;
   std::size_t offset = 0;
-  for (int i = 0; i < 4; ++i) offset = offset << 8 | static_cast<unsigned char>(block[i]);
+  for (std::size_t i = 0; i < 4; ++i) offset = offset << 8 | static_cast<unsigned char>(block[i]);
   if (offset < block.size() - 4) *tags = ParseExif(std::string_view(block).substr(4 + offset));
 }
 
@@ -68,10 +68,9 @@ Image DecodeHeif(std::string_view file, PhotoTags* tags, std::vector<std::string
   Image image = MakeImage(heif_image_get_width(raw_image, heif_channel_interleaved),
                           heif_image_get_height(raw_image, heif_channel_interleaved),
                           has_alpha ? 4 : 3);
+  const auto row_bytes = static_cast<std::size_t>(std::ptrdiff_t{image.width} * image.channels);
   for (int y = 0; y < image.height; ++y) {
-    std::memcpy(image.Pixel(0, y),
-                plane + static_cast<std::size_t>(y) * stride,
-                static_cast<std::size_t>(image.width) * image.channels);
+    std::memcpy(image.Pixel(0, y), plane + std::ptrdiff_t{y} * stride, row_bytes);
   }
   ReadExif(raw_handle, tags);
   ReadProfile(raw_handle, tags);

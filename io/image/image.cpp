@@ -23,7 +23,7 @@ Image MakeImage(int width, int height, int channels) {
   return {width,
           height,
           channels,
-          std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * channels)};
+          std::vector<std::uint8_t>(static_cast<std::size_t>(std::ptrdiff_t{width} * height * channels))};
 }
 
 Image ReadImage(const std::filesystem::path& path) {

@@ -12,9 +12,11 @@ struct Image {
   int width = 0, height = 0, channels = 3;
   std::vector<std::uint8_t> data;  // [height][width][channels]
 
-  std::uint8_t* Pixel(int x, int y) { return &data[(static_cast<std::size_t>(y) * width + x) * channels]; }
+  std::uint8_t* Pixel(int x, int y) {
+    return &data[static_cast<std::size_t>((std::ptrdiff_t{y} * width + x) * channels)];
+  }
   const std::uint8_t* Pixel(int x, int y) const {
-    return &data[(static_cast<std::size_t>(y) * width + x) * channels];
+    return &data[static_cast<std::size_t>((std::ptrdiff_t{y} * width + x) * channels)];
   }
 };
 

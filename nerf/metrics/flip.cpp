@@ -74,7 +74,7 @@ double HyAb(const Vector3d& a, const Vector3d& b) {
 
 Planes OpponentFromImage(const io::Image& image) {
   std::array<double, 256> linear;
-  for (int v = 0; v < 256; ++v) linear[v] = LinearFromSrgb(v / 255.0);
+  for (std::size_t v = 0; v < 256; ++v) linear[v] = LinearFromSrgb(static_cast<double>(v) / 255);
   const Matrix3d m = XyzFromLinear();
   const Matrix3d over_white = (m * Vector3d::Ones()).cwiseInverse().asDiagonal() * m;
   const Plane blank(image.width, image.height);
@@ -83,7 +83,7 @@ Planes OpponentFromImage(const io::Image& image) {
     const std::uint8_t* p = &image.data[3 * i];
     const Vector3d opponent =
         OpponentFromXyz(over_white * Vector3d(linear[p[0]], linear[p[1]], linear[p[2]]));
-    for (int c = 0; c < 3; ++c) planes[c].values[i] = opponent[c];
+    for (int c = 0; c < 3; ++c) planes[static_cast<std::size_t>(c)].values[i] = opponent[c];
   }
   return planes;
 }

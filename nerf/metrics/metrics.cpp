@@ -57,7 +57,7 @@ std::vector<double> GaussianKernel(int radius, double sigma) {
   return kernel;
 }
 
-double ChannelSsim(const io::Image& a, const io::Image& b, const io::Mask& centres, int channel) {
+double ChannelSsim(const io::Image& a, const io::Image& b, const io::Mask& centres, std::size_t channel) {
   Plane pa(a.width, a.height), pb = pa, squares = pa, product = pa;
   for (std::size_t i = 0; i < pa.values.size(); ++i) {
     const double va = a.data[3 * i + channel] / 255.0, vb = b.data[3 * i + channel] / 255.0;

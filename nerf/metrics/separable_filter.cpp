@@ -45,19 +45,20 @@ Plane Correlate(const Plane& in,
   const int left = valid ? 0 : radius;  // columns of padding on each side
 
   Plane across(width, in.height);
-  std::vector<double> padded(static_cast<std::size_t>(in.width) + 2 * left);
+  std::vector<double> padded(static_cast<std::size_t>(in.width + 2 * left));
   std::vector<const double*> rows(kernel_x.size());
   for (int y = 0; y < in.height; ++y) {
     const double* row = in.Row(y);
     std::fill_n(padded.begin(), left, row[0]);
     std::copy(row, row + in.width, padded.begin() + left);
     std::fill_n(padded.end() - left, left, row[in.width - 1]);
-    for (int i = 0; i < taps; ++i) rows[i] = padded.data() + i;
+    for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = padded.data() + i;
     WeightedSum(kernel_x, rows, width, across.Row(y));
   }
   Plane out(width, height);
   for (int y = 0; y < height; ++y) {
-    for (int i = 0; i < taps; ++i) rows[i] = across.Row(std::clamp(y + i - left, 0, in.height - 1));
+    for (int i = 0; i < taps; ++i)
+      rows[static_cast<std::size_t>(i)] = across.Row(std::clamp(y + i - left, 0, in.height - 1));
     WeightedSum(kernel_y, rows, width, out.Row(y));
   }
   return out;

@@ -9,9 +9,11 @@ namespace nerf {
 // One channel, rows top to bottom.
 struct Plane {
   Plane(int plane_width, int plane_height)
-      : width(plane_width), height(plane_height), values(static_cast<std::size_t>(width) * height) {}
-  const double* Row(int y) const { return &values[static_cast<std::size_t>(y) * width]; }
-  double* Row(int y) { return &values[static_cast<std::size_t>(y) * width]; }
+      : width(plane_width),
+        height(plane_height),
+        values(static_cast<std::size_t>(std::ptrdiff_t{width} * height)) {}
+  const double* Row(int y) const { return &values[static_cast<std::size_t>(std::ptrdiff_t{y} * width)]; }
+  double* Row(int y) { return &values[static_cast<std::size_t>(std::ptrdiff_t{y} * width)]; }
 
   int width, height;
   std::vector<double> values;  // [height][width]

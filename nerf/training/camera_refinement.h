@@ -63,8 +63,9 @@ class CameraRefinement {
   std::vector<io::Rigid3d> WorldFromCam() const;
 
  private:
-  enum Row { kMotion, kMean, kSquare, kSum, kSquares, kRows };  // rows of six values per view in the state
-  static constexpr std::size_t kValues = 6 * kRows + 3;         // and those below
+  // Rows of six values per view in the state.
+  enum Row : std::size_t { kMotion, kMean, kSquare, kSum, kSquares, kRows };
+  static constexpr std::size_t kValues = 6 * kRows + 3;  // and those below
 
   Eigen::Map<Eigen::Matrix<float, 6, 1>> Values(std::size_t view, Row row) const {
     return Eigen::Map<Eigen::Matrix<float, 6, 1>>(&(*state_)[view * kValues + 6 * row]);

@@ -37,7 +37,7 @@ CurveColumns ReadTrainingCurve(const std::filesystem::path& path) {
   while (std::getline(in, line)) {
     const std::vector<std::string> row = Cells(line);
     for (const auto& [name, column] : columns) {
-      const std::size_t i = std::find(header.begin(), header.end(), name) - header.begin();
+      const auto i = static_cast<std::size_t>(std::find(header.begin(), header.end(), name) - header.begin());
       double value = std::numeric_limits<double>::quiet_NaN();
       if (i < row.size()) std::from_chars(row[i].data(), row[i].data() + row[i].size(), value);
       column->push_back(value);

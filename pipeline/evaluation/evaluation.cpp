@@ -102,7 +102,7 @@ void RenderOne(const nerf::TrainedField& field,
                const io::Frame& frame,
                const fs::path& path,
                int threads) {
-  const io::Camera& camera = test.cameras[frame.camera_index];
+  const io::Camera& camera = test.cameras[static_cast<std::size_t>(frame.camera_index)];
   if (camera.HasDistortion()) {
     throw Error(ExitCode::kBadInput,
                 frame.image_path.string() + ": its camera is distorted",
@@ -125,8 +125,9 @@ std::vector<ViewFigures> ScoreAll(const io::Scene& test, const fs::path& folder,
   std::atomic<int> done = 0;
   workers->Run(static_cast<int>(own.size()), [&](int k, int thread) {
     io::ThrowIfInterrupted();
-    const io::Frame& frame = test.frames[own[k]];
-    figures[own[k]] = ScoreView(frame, RenderPath(folder, frame));
+    const std::size_t view = own[static_cast<std::size_t>(k)];
+    const io::Frame& frame = test.frames[view];
+    figures[view] = ScoreView(frame, RenderPath(folder, frame));
     ++done;
     if (thread == 0) progress.Update(static_cast<double>(done) / static_cast<double>(own.size()));
   });
@@ -138,7 +139,7 @@ void AddFigures(const io::Scene& test, const std::vector<ViewFigures>& figures, 
   const int n = static_cast<int>(figures.size());
   std::vector<double> plain;
   double mean_mse = 0;
-  for (int i = 0; i < n; ++i) {
+  for (std::size_t i = 0; i < figures.size(); ++i) {
     const ViewFigures& view = figures[i];
     scores->views.push_back({.name = test.frames[i].image_path.filename().string(),
                              .psnr_db = view.psnr_db,
@@ -164,7 +165,7 @@ void WriteComparisons(const io::Scene& test,
                       const Scores& scores,
                       io::Workers* workers) {
   const int n = static_cast<int>(test.frames.size());
-  const std::vector<int> order = scores.WorstFirst();
+  const std::vector<std::size_t> order = scores.WorstFirst();
   if (io::AllRanks().IsFirst()) {
     fs::remove_all(folder / "compare");
     fs::create_directories(folder / "compare");
@@ -173,10 +174,10 @@ void WriteComparisons(const io::Scene& test,
   io::FromFirst(true);  // the folder is there
   const std::vector<std::size_t> own = io::OwnTasks(written.size());
   workers->Run(static_cast<int>(own.size()), [&](int k, int) {
-    const int view = order[own[k]];
+    const std::size_t place = own[static_cast<std::size_t>(k)], view = order[place];
     WriteComparison(test.frames[view],
                     RenderPath(folder, test.frames[view]),
-                    ComparisonPaths(folder, static_cast<int>(own[k]) + 1, n, scores.views[view].name));
+                    ComparisonPaths(folder, static_cast<int>(place) + 1, n, scores.views[view].name));
   });
   io::GatherTasks(&written);
 }
@@ -194,7 +195,7 @@ io::Image QuantizeView(const nerf::RenderedView& view) {
   io::Image image = io::MakeImage(view.width, view.height, 3);
   for (std::size_t i = 0; i < image.data.size(); ++i) {
     if (!std::isfinite(view.rgb[i])) {
-      const std::size_t pixel = i / 3;
+      const int pixel = static_cast<int>(i / 3);
       throw Error(
           ExitCode::kBadInput,
           fmt::format("the render is not finite at pixel ({}, {})", pixel % view.width, pixel / view.width),

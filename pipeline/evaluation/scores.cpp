@@ -52,11 +52,12 @@ std::optional<ErrorBudget> ReadBudget(const JsonReader& json) {
 
 }  // namespace
 
-std::vector<int> Scores::WorstFirst() const {
-  std::vector<int> order(views.size());
+std::vector<std::size_t> Scores::WorstFirst() const {
+  std::vector<std::size_t> order(views.size());
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(
-      order.begin(), order.end(), [&](int a, int b) { return views[a].psnr_db < views[b].psnr_db; });
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return views[a].psnr_db < views[b].psnr_db;
+  });
   return order;
 }
 

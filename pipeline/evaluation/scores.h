@@ -59,7 +59,7 @@ struct Scores {
   std::optional<double> hidden_points;
   std::optional<ErrorBudget> budget;  // mean over the views that have one
 
-  std::vector<int> WorstFirst() const;  // view indices by rising PSNR
+  std::vector<std::size_t> WorstFirst() const;  // view indices by rising PSNR
 };
 
 // Writes folder/metrics.json, and the figures of each view into folder/per_image.csv too.

@@ -22,8 +22,8 @@ Verdict Judge(const Scores& scores) {
   std::vector<double> values;
   for (const ViewScore& view : scores.views) values.push_back(view.psnr_db);
   const double heldout = io::Median(std::move(values));
-  for (const int i : scores.WorstFirst()) {
-    const ViewScore& view = scores.views[static_cast<std::size_t>(i)];
+  for (const std::size_t i : scores.WorstFirst()) {
+    const ViewScore& view = scores.views[i];
     if (view.psnr_db <= heldout - kStrayGapDb) verdict.strays.push_back(view.name);
   }
   if (scores.plain_psnr_db && heldout < *scores.plain_psnr_db + kMinGainDb) {

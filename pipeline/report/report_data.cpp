@@ -132,7 +132,7 @@ void GatherScores(const fs::path& run_folder, ReportData* data) {
   if (!data->has_scores) return;
   data->scores = ReadScores(run_folder / "evaluate");
   const int n_views = static_cast<int>(data->scores.views.size());
-  for (const int view : data->scores.WorstFirst()) {
+  for (const std::size_t view : data->scores.WorstFirst()) {
     const ViewScore& score = data->scores.views[view];
     const int rank = static_cast<int>(data->views.size()) + 1;
     const Comparison pictures = ComparisonPaths(run_folder / "evaluate", rank, n_views, score.name);

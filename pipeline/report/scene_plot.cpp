@@ -63,7 +63,7 @@ std::string ScenePlotJson(const fs::path& run_folder) {
   const auto add_cameras = [&](const io::Scene& scene, const char* name) {
     json[name] = Json::array();
     for (const io::Frame& frame : scene.frames) {
-      const io::Camera& camera = scene.cameras[frame.camera_index];
+      const io::Camera& camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)];
       const double length = kCameraLength * path.distance;
       const double half_x = 0.5 * length * camera.width / camera.fl_x;
       const double half_y = 0.5 * length * camera.height / camera.fl_y;

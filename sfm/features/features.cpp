@@ -80,21 +80,22 @@ Features Detect(const fs::path& path, const fs::path& masks_folder, const Featur
                          descriptors);
 
   // Ties at the cut let OpenCV keep more than asked for, in an order of its own.
-  std::vector<int> order(keypoints.size());
+  std::vector<std::size_t> order(keypoints.size());
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return keypoints[a].response > keypoints[b].response;
   });
   order.resize(std::min<std::size_t>(order.size(), static_cast<std::size_t>(options.max_features)));
   Features features;
   features.descriptors.resize(order.size() * kDescriptorBytes);
   for (std::size_t i = 0; i < order.size(); ++i) {
-    const cv::KeyPoint& k = keypoints[static_cast<std::size_t>(order[i])];
+    const cv::KeyPoint& k = keypoints[order[i]];
     features.keypoints.push_back({.x = (k.pt.x + kPositionOffset) * scale_x,
                                   .y = (k.pt.y + kPositionOffset) * scale_y,
                                   .scale = k.size / 2 * scale_x,
                                   .angle = k.angle * static_cast<float>(std::numbers::pi / 180)});
-    WriteRootSift(descriptors.ptr<float>(order[i]), &features.descriptors[i * kDescriptorBytes]);
+    WriteRootSift(descriptors.ptr<float>(static_cast<int>(order[i])),
+                  &features.descriptors[i * kDescriptorBytes]);
   }
   return features;
 }

@@ -110,11 +110,12 @@ std::vector<Keypoint> Keypoints(const SqliteConnection& database, sqlite3_stmt* 
   if (rows < 0 || cols < 2 || cols > 6 || bytes != rows * cols * static_cast<int>(sizeof(float))) {
     database.Fail("keypoints of a picture do not have the stated size");
   }
-  std::vector<float> values(static_cast<std::size_t>(rows) * cols);
-  if (!values.empty()) std::memcpy(values.data(), sqlite3_column_blob(row, first_column + 2), bytes);
+  std::vector<float> values(static_cast<std::size_t>(std::ptrdiff_t{rows} * cols));
+  if (!values.empty())
+    std::memcpy(values.data(), sqlite3_column_blob(row, first_column + 2), static_cast<std::size_t>(bytes));
   std::vector<Keypoint> keypoints;
   for (int i = 0; i < rows; ++i) {
-    const float* k = &values[static_cast<std::size_t>(i) * cols];
+    const float* k = &values[static_cast<std::size_t>(std::ptrdiff_t{i} * cols)];
     Keypoint keypoint{.x = k[0], .y = k[1]};
     if (cols == 4) keypoint.scale = k[2], keypoint.angle = k[3];
     if (cols == 6)

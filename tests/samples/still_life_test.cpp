@@ -132,7 +132,7 @@ TEST(Photographer, PointsSeenInOnePhotographAreWhereTheTruthPutsThemInAnother) {
   for (int y = 0; y < kHeight; y += 3) {
     for (int x = 0; x < kWidth; x += 3) {
       const Vec3 ray = io::RayFromImg(SmallCamera(), {x + 0.5, y + 0.5}).value();
-      const Vec3 world = a * (depth_a[static_cast<std::size_t>(y) * kWidth + x] * ray);
+      const Vec3 world = a * (depth_a[static_cast<std::size_t>(y * kWidth + x)] * ray);
       const Vec3 in_b = b.Inverse() * world;
       const auto xy = io::ImgFromCam(SmallCamera(), in_b);
       if (!xy || xy->x() < 0 || xy->y() < 0 || xy->x() >= kWidth || xy->y() >= kHeight) continue;

@@ -64,7 +64,7 @@ inline std::map<std::string, std::vector<double>> PlyColumns(const std::filesyst
     if (keyword == "element") n = std::stoul(name);
     if (keyword != "property") continue;
     properties.push_back({type, name});
-    row += type == "float" ? 4 : type == "ushort" ? 2 : 1;
+    row += type == "float" ? 4u : type == "ushort" ? 2u : 1u;
   }
   EXPECT_EQ(bytes.size(), end + n * row);
   std::map<std::string, std::vector<double>> columns;

@@ -49,7 +49,7 @@ TEST(AtomicFile, FullDiskKeepsTheOldFileAndSaysHowMuchIsNeeded) {
   const TempDir dir;
   io::WriteFileAtomically(dir / "f", "old");
   const std::string big(100000, 'x');
-  for (const rlim_t bytes : {0, 1, 4096, 99999}) {
+  for (const rlim_t bytes : {0u, 1u, 4096u, 99999u}) {
     const FileSizeLimit limit(bytes);
     EXPECT_ERROR(io::WriteFileAtomically(dir / "f", big), io::ExitCode::kNoResources, "100000 bytes");
     EXPECT_EQ(ReadText(dir / "f"), "old");

@@ -31,7 +31,7 @@ std::string WithExif(const std::string& file, const std::vector<std::pair<const 
   image->writeMetadata();
   Exiv2::BasicIo& io = image->io();
   io.open();
-  const Exiv2::DataBuf bytes = io.read(io.size());
+  const Exiv2::DataBuf bytes = io.read(static_cast<long>(io.size()));
   return {reinterpret_cast<const char*>(bytes.pData_), static_cast<std::size_t>(bytes.size_)};
 }
 

@@ -13,7 +13,7 @@ TEST(PictureMeasure, BlurLowersSharpnessAndContrastDoesNot) {
   for (int y = 0; y < sharp.height; ++y) {
     for (int x = 0; x < sharp.width; ++x) {
       if (x % 8 == 0) state = state * 1664525u + 1013904223u;
-      const auto value = static_cast<std::uint8_t>((state >> 24) / 2 * ((y / 6 + x / 8) % 2) + 40);
+      const auto value = static_cast<std::uint8_t>(((y / 6 + x / 8) % 2 ? (state >> 24) / 2 : 0) + 40);
       std::memset(sharp.Pixel(x, y), value, 3);
     }
   }

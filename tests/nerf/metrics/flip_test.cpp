@@ -17,7 +17,7 @@ io::Image Paint(int width, int height, F&& colour_at) {
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const std::array<int, 3> colour = colour_at(x, y);
-      for (int c = 0; c < 3; ++c) image.Pixel(x, y)[c] = static_cast<std::uint8_t>(colour[c]);
+      for (std::size_t c = 0; c < 3; ++c) image.Pixel(x, y)[c] = static_cast<std::uint8_t>(colour[c]);
     }
   }
   return image;

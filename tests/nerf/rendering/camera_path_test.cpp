@@ -90,7 +90,7 @@ TEST(CameraPath, ExactRingIsReproduced) {
     EXPECT_NEAR(pose.translation.z() - target.z(), 2, 1e-9);
   }
   // Each third pose stands on a camera: 40 cameras, 120 frames, starting at the first camera.
-  for (int i = 0; i < 120; i += 3) {
+  for (std::size_t i = 0; i < 120; i += 3) {
     EXPECT_NEAR(NearestCamera(MakeScene(poses), path.world_from_cam[i].translation), 0, 1e-9);
   }
   ExpectUprightTowardsFocus(path, 1e-7);

@@ -94,7 +94,8 @@ TEST(SplatRasteriser, SplatsBehindTheCameraAreNotSeen) {
 SplatTarget Target() {
   SplatTarget target{tests::SomeView(kUnevenWidth, kUnevenHeight), {}, {}};
   for (std::size_t i = 0; i < kUnevenWidth * kUnevenHeight; ++i) {
-    for (const int value : {30, 60, 90, 128}) target.rgba.push_back(static_cast<std::uint8_t>(value + i % 7));
+    for (const std::size_t value : {30u, 60u, 90u, 128u})
+      target.rgba.push_back(static_cast<std::uint8_t>(value + i % 7));
   }
   return target;
 }

@@ -178,7 +178,7 @@ TEST(MlpFaults, EverySeedComesAliveOnASceneThatIsMostlyWhite) {
   // The negative control is for the reader: how often it fails depends on the seeds.
   options.field.mlp.density = DensityActivation::kRelu;
   options.field.mlp.initialisation = Initialisation::kUniform;
-  for (const std::uint64_t seed : {1, 2}) {
+  for (const std::uint64_t seed : {1u, 2u}) {
     const int steps = StepsToFiveDb(scene, options, seed);
     std::printf("ReLU, seed %d: 5 dB %s %d steps\n",
                 static_cast<int>(seed),

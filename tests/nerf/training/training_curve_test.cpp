@@ -12,7 +12,7 @@ namespace {
 TEST(TrainingCurve, PointsComeBackBehindThoseOfAnEarlierRun) {
   const TempDir dir;
   const auto path = dir / "curve.csv";
-  for (const std::uint64_t step : {100, 200}) {
+  for (const std::uint64_t step : {100u, 200u}) {
     nerf::TrainingCurve curve(path);
     curve.Add({.step = step,
                .wall_s = 0.5,

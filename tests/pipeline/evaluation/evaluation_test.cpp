@@ -107,7 +107,7 @@ TEST_F(EvaluationTest, ComparisonsAreRankedWorstFirst) {
   for (std::uint8_t& v : spoiled.data) v = static_cast<std::uint8_t>(255 - v);
   io::WriteImage(scene_.frames[2].image_path, spoiled);
   const Scores result = Score(SphereField(), 2, 2);
-  EXPECT_EQ(result.WorstFirst()[0], 2);
+  EXPECT_EQ(result.WorstFirst()[0], 2u);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "compare"), fs::directory_iterator()), 2 * 3);
   const pipeline::Comparison worst = pipeline::ComparisonPaths(folder_, 1, 4, "view \"2\".png");
   EXPECT_EQ(worst.photo, folder_ / "compare" / "01_view \"2\"_photo.png");
@@ -115,7 +115,7 @@ TEST_F(EvaluationTest, ComparisonsAreRankedWorstFirst) {
   EXPECT_EQ(io::ReadImage(worst.render).data, io::ReadImage(folder_ / "renders" / "view \"2\".png").data);
   // Black, in magma (0, 0, 4) at most, where nothing is wrong, and lighter where more is: the background is
   // off by 25 grey levels, the sphere's chequers by up to 153.
-  const std::string second = result.views[static_cast<std::size_t>(result.WorstFirst()[1])].name;
+  const std::string second = result.views[result.WorstFirst()[1]].name;
   const io::Image error = io::ReadImage(worst.error),
                   none = io::ReadImage(pipeline::ComparisonPaths(folder_, 2, 4, second).error);
   for (const io::Image& image : {error, none}) {

@@ -71,7 +71,7 @@ TEST(Scores, WrittenOnesComeBack) {
     EXPECT_EQ(read.views[i].identical, written.views[i].identical);
     EXPECT_EQ(read.views[i].budget, written.views[i].budget);
   }
-  EXPECT_EQ(read.WorstFirst(), (std::vector<int>{1, 0}));
+  EXPECT_EQ(read.WorstFirst(), (std::vector<std::size_t>{1, 0}));
   EXPECT_NE(ReadText(dir / "per_image.csv").find("\"b \"\"1\"\".png\",120.0000,1.000000,0.000000,120.0000\n"),
             std::string::npos);
 }

@@ -145,7 +145,7 @@ TEST_F(Ingest, UnusableInputsEndWithTheDocumentedCode) {
 TEST_F(Ingest, MostlyDamagedFoldersAreRefused) {
   WritePhotos(4);
   const std::string whole = Bytes(photos() / "img1.jpg");
-  for (int i = 0; i < 5; ++i) {
+  for (std::size_t i = 0; i < 5; ++i) {
     WriteBytes(photos() / ("cut" + std::to_string(i) + ".jpg"), whole.substr(0, whole.size() / 2 + i));
   }
   EXPECT_EQ(Run(photos()), 3);
@@ -215,7 +215,7 @@ TEST_F(Ingest, AFolderWithOneVideoIsThatVideo) {
 
 TEST(PictureSelection, DropsAtMostThirtyPercentAsBlurred) {
   std::vector<double> sharpness(20, 1.0);
-  for (const std::size_t i : {0, 2, 5, 7, 10, 12, 15, 17})
+  for (const std::size_t i : {0u, 2u, 5u, 7u, 10u, 12u, 15u, 17u})
     sharpness[i] = 0.01 + 0.001 * static_cast<double>(i);
   const std::vector<bool> blurred = pipeline::FindBlurred(sharpness, {});
   EXPECT_EQ(std::count(blurred.begin(), blurred.end(), true), 6);

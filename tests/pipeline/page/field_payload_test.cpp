@@ -26,7 +26,7 @@ TEST(FieldPayload, KeepsZeroAndTheExtremes) {
   const QuantizedLevel level = QuantizeLevel(std::vector<float>{0, -3, 0, 2, 0, 3, 0, -2});
   const std::vector<float> scales(level.scale.begin(), level.scale.end());
   EXPECT_EQ(scales, (std::vector<float>{0, 3, 0, 2}));
-  for (const std::size_t i : {0, 2, 4, 6}) EXPECT_EQ(Dequantize(level.texels[i], level.scale[i % 4]), 0);
+  for (const std::size_t i : {0u, 2u, 4u, 6u}) EXPECT_EQ(Dequantize(level.texels[i], level.scale[i % 4]), 0);
   EXPECT_FLOAT_EQ(Dequantize(level.texels[1], 3), -3);
   EXPECT_FLOAT_EQ(Dequantize(level.texels[5], 3), 3);
 }

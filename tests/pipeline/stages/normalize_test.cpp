@@ -52,7 +52,7 @@ class Normalize : public testing::Test {
     for (int i = 0; i < kFrames; ++i) {
       io::Image image = io::MakeImage(kWidth, kHeight, channels);
       for (std::size_t k = 0; k < image.data.size(); ++k)
-        image.data[k] = static_cast<std::uint8_t>(40 + i + (k / 3) % 100);
+        image.data[k] = static_cast<std::uint8_t>(40 + static_cast<std::size_t>(i) + (k / 3) % 100);
       scene.frames.push_back({folder / "images" / (Name(i) + extension), 0, OrbitPose(i)});
       io::WriteImage(scene.frames.back().image_path, image);
     }

@@ -17,7 +17,7 @@ TEST(ObservationSigma, GrowsWithTheScaleOfTheKeypointThere) {
   io::ColmapModel model;
   model.scene.frames.resize(1);
   model.scene.frames[0].image_path = "b.png";
-  for (int i = 0; i < 5; ++i) {
+  for (std::size_t i = 0; i < 5; ++i) {
     model.observations.push_back(
         {.xy = {static_cast<double>(features.keypoints[i].x), static_cast<double>(7.7f)}});
   }
@@ -25,7 +25,7 @@ TEST(ObservationSigma, GrowsWithTheScaleOfTheKeypointThere) {
   sfm::SetSigmas({"a.png", "b.png"}, {{}, features}, &model);
   // Scales 0.5 (counted as 1), 1, 2, 4, 8; the median is 2.
   const double expected[] = {0.5, 0.5, 1, 2, 4};
-  for (int i = 0; i < 5; ++i) {
+  for (std::size_t i = 0; i < 5; ++i) {
     EXPECT_NEAR(model.observations[i].sigma, std::pow(expected[i], 0.7), 1e-6) << i;
   }
   EXPECT_EQ(model.observations[5].sigma, 1);

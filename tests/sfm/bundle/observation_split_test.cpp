@@ -13,8 +13,9 @@ namespace {
 // How many of each point's observations are used for training, and how many are held out.
 std::vector<std::pair<int, int>> Counts(const sfm::ObservationSplit& split) {
   std::vector<std::pair<int, int>> counts(split.training.scene.points.size());
-  for (const io::Observation& o : split.training.observations) ++counts.at(o.point_index).first;
-  for (const io::Observation& o : split.held_out) ++counts.at(o.point_index).second;
+  for (const io::Observation& o : split.training.observations)
+    ++counts.at(static_cast<std::size_t>(o.point_index)).first;
+  for (const io::Observation& o : split.held_out) ++counts.at(static_cast<std::size_t>(o.point_index)).second;
   return counts;
 }
 

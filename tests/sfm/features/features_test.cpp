@@ -171,7 +171,7 @@ TEST(Features, DescriptorsAreRootSift) {
   ASSERT_EQ(features.descriptors.size(), features.keypoints.size() * sfm::kDescriptorBytes);
   for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
     double norm2 = 0;
-    for (int k = 0; k < sfm::kDescriptorBytes; ++k)
+    for (std::size_t k = 0; k < sfm::kDescriptorBytes; ++k)
       norm2 += std::pow(features.descriptors[i * sfm::kDescriptorBytes + k], 2);
     // Rounding moves each of 128 entries by at most 1/2: 512 -+ 5.7.
     EXPECT_NEAR(std::sqrt(norm2), 512, 5.7) << i;
@@ -194,8 +194,7 @@ TEST(Features, TheStrongestAreKeptWhateverTheThreads) {
     });
     ASSERT_NE(same, keypoints.end()) << i;
     const auto row = all[0].descriptors.begin() + (same - keypoints.begin()) * sfm::kDescriptorBytes;
-    EXPECT_TRUE(
-        std::equal(row, row + sfm::kDescriptorBytes, few[0].descriptors.begin() + i * sfm::kDescriptorBytes))
+    EXPECT_TRUE(std::equal(row, row + sfm::kDescriptorBytes, &few[0].descriptors[i * sfm::kDescriptorBytes]))
         << i;
   }
   EXPECT_EQ(few[1].descriptors, all[1].descriptors);

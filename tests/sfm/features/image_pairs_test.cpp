@@ -22,11 +22,12 @@ std::vector<sfm::Features> Walk(int n) {
   for (int i = 0; i < (20 * n + 100) * sfm::kDescriptorBytes; ++i) wall.push_back(random() % 80);
   std::vector<sfm::Features> pictures(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) {
+    sfm::Features& picture = pictures[static_cast<std::size_t>(i)];
     for (int row = 20 * i + 99; row >= 20 * i; --row) {
-      pictures[i].keypoints.push_back({});
+      picture.keypoints.push_back({});
       for (int k = 0; k < sfm::kDescriptorBytes; ++k) {
-        pictures[i].descriptors.push_back(
-            static_cast<std::uint8_t>(wall[row * sfm::kDescriptorBytes + k] + random() % 4));
+        picture.descriptors.push_back(static_cast<std::uint8_t>(
+            wall[static_cast<std::size_t>(row * sfm::kDescriptorBytes + k)] + random() % 4));
       }
     }
   }
@@ -55,7 +56,7 @@ TEST(ImagePairs, OnlyTheLargestFeaturesAreCompared) {
   };
   const std::vector<std::uint8_t> large = rows(384), small = rows(50);
   std::vector<sfm::Features> pictures(4);
-  for (int i = 0; i < 4; ++i) {
+  for (std::size_t i = 0; i < 4; ++i) {
     sfm::Features& picture = pictures[i];
     picture.descriptors = i < 2 ? small : rows(50);
     const int shared = i == 0 ? 384 : i == 1 ? 0 : i == 2 ? 4 : 3;

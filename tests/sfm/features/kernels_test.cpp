@@ -37,8 +37,9 @@ std::vector<std::uint8_t> RootSiftLike(int n, std::mt19937* random) {
 void ExpectEqualToReference(const sfm::kernels::Kernel& kernel,
                             const std::vector<std::uint8_t>& a,
                             const std::vector<std::uint8_t>& b) {
-  const int n_a = static_cast<int>(a.size()) / kDimensions, n_b = static_cast<int>(b.size()) / kDimensions;
-  std::vector<Neighbour> from_a(n_a), from_b(n_b), expected_a(n_a), expected_b(n_b);
+  const std::size_t rows_a = a.size() / kDimensions, rows_b = b.size() / kDimensions;
+  std::vector<Neighbour> from_a(rows_a), from_b(rows_b), expected_a(rows_a), expected_b(rows_b);
+  const int n_a = static_cast<int>(rows_a), n_b = static_cast<int>(rows_b);
   kernel.nearest(kernel.prepare(a.data(), n_a), kernel.prepare(b.data(), n_b), from_a.data(), from_b.data());
   sfm::kernels::NearestReference(a.data(), n_a, b.data(), n_b, expected_a.data(), expected_b.data());
   EXPECT_TRUE(from_a == expected_a) << kernel.name << " " << n_a << " x " << n_b;
@@ -77,14 +78,15 @@ TEST_P(Kernels, MoreRowsThanATile) {
 TEST_P(Kernels, ExtremeBytes) {
   // Single dimensions of 255 and all of 63: the largest products, and norms just below the limit.
   std::vector<std::uint8_t> a(40 * kDimensions), b(40 * kDimensions);
-  for (int i = 0; i < 40; ++i) {
+  for (std::size_t i = 0; i < 40; ++i) {
     a[i * kDimensions + i] = 255;
-    for (int k = 0; k < kDimensions; ++k) b[i * kDimensions + k] = static_cast<std::uint8_t>(i % 2 ? 63 : 0);
+    for (std::size_t k = 0; k < kDimensions; ++k)
+      b[i * kDimensions + k] = static_cast<std::uint8_t>(i % 2 ? 63 : 0);
     b[i * kDimensions + i] = static_cast<std::uint8_t>(i % 3 ? 255 : 63);
   }
   b[0] = 255;
   EXPECT_LT(127 * 63 * 63 + 255 * 255, sfm::kernels::kMaxSquaredNorm + 60000);
-  for (int i = 0; i < 40; ++i) {
+  for (std::size_t i = 0; i < 40; ++i) {
     if (i % 2) std::fill_n(&b[i * kDimensions + 100], 20, std::uint8_t{0});
   }
   ExpectEqualToReference(*kernel_, a, b);

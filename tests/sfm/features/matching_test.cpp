@@ -15,11 +15,12 @@ using Match = std::array<int, 2>;
 // A descriptor of length 512 with two entries, at this angle between dimensions `first` and `first` + 1.
 void Append(sfm::Features* features, int first, double degrees) {
   std::vector<std::uint8_t> row(sfm::kDescriptorBytes, 0);
+  std::uint8_t* entries = &row[static_cast<std::size_t>(16 * first)];
   // 8 equal dimensions per direction: single ones would exceed a byte.
   for (int k = 0; k < 8; ++k) {
-    row[16 * first + k] =
+    entries[k] =
         static_cast<std::uint8_t>(std::lround(512 / std::sqrt(8.0) * std::cos(degrees / 180 * M_PI)));
-    row[16 * first + 8 + k] =
+    entries[8 + k] =
         static_cast<std::uint8_t>(std::lround(512 / std::sqrt(8.0) * std::sin(degrees / 180 * M_PI)));
   }
   features->descriptors.insert(features->descriptors.end(), row.begin(), row.end());
@@ -111,7 +112,7 @@ TEST(Matching, PicturesWithoutFeaturesAndTheOrderOfPairs) {
 // n pictures of 40 + 40 points: the first 40 move by `step` px from picture to picture, the others stay.
 std::vector<sfm::Features> Turntable(int n, float step) {
   std::vector<sfm::Features> features(static_cast<std::size_t>(n));
-  for (int i = 0; i < n; ++i) {
+  for (std::size_t i = 0; i < features.size(); ++i) {
     for (int k = 0; k < 80; ++k) {
       features[i].keypoints.push_back(
           {.x = static_cast<float>(10 * k) + (k < 40 ? step * static_cast<float>(i) : 0), .y = 5});
@@ -146,7 +147,7 @@ TEST(StationaryMatches, ABackgroundFillsThePictureAWatermarkOnlyACorner) {
     auto matches = AllMatches(7);
     std::vector<sfm::Features> features = Turntable(7, 20);
     for (sfm::Features& picture : features) {
-      for (int k = 40; k < 80; ++k) {
+      for (std::size_t k = 40; k < 80; ++k) {
         const auto column = static_cast<float>(k % 8), row = static_cast<float>((k - 40) / 8);
         const float spacing = fills ? 75 : 10;
         picture.keypoints[k].x = 600 - spacing * column;
@@ -174,13 +175,14 @@ TEST(StationaryMatches, FewSplitPairsAreChance) {
     auto matches = AllMatches(6);
     std::vector<sfm::Features> features = Turntable(6, 20);
     for (int i = 0; i < 6; ++i) {
-      for (int k = 40; k < 80; ++k) {
-        features[i].keypoints[k].x += static_cast<float>(20 * std::min(i, 6 - last));
+      for (std::size_t k = 40; k < 80; ++k) {
+        features[static_cast<std::size_t>(i)].keypoints[k].x +=
+            static_cast<float>(20 * std::min(i, 6 - last));
       }
     }
     const sfm::StationaryShare share = sfm::RemoveStationaryMatches(features, &matches);
     EXPECT_EQ(share.split_pairs, split);
-    EXPECT_EQ(share.removed, split < 8 ? 0u : 40u * split);
+    EXPECT_EQ(share.removed, static_cast<std::size_t>(split < 8 ? 0 : 40 * split));
   }
 }
 
@@ -194,11 +196,11 @@ std::size_t Removed(int moving, int between, int still) {
   for (int k = 0; k < n; ++k) {
     const float x = static_cast<float>(20 * k), step = k < moving ? 12 : k < moving + between ? 8 : 4;
     features[0].keypoints.push_back({.x = x, .y = 5});
-    features[1].keypoints[(k + 1) % n] = {.x = x, .y = 5 + step};
+    features[1].keypoints[static_cast<std::size_t>((k + 1) % n)] = {.x = x, .y = 5 + step};
     matches[0].matches.push_back({k, (k + 1) % n});
   }
   const std::size_t removed = sfm::RemoveStationaryMatches(features, &matches).removed;
-  EXPECT_EQ(matches[0].matches.size(), n - removed);
+  EXPECT_EQ(matches[0].matches.size(), static_cast<std::size_t>(n) - removed);
   return removed;
 }
 

@@ -18,7 +18,7 @@ constexpr int kPictures = 9;
 io::ColmapModel Part(int first, int end, double noise_px = 0.5) {
   io::ColmapModel model = Ring(kPictures, SmallCamera());
   std::vector<io::Frame>& frames = model.scene.frames;
-  for (int i = 0; i < kPictures; ++i) frames[i].image_path = "p" + std::to_string(i) + ".png";
+  for (std::size_t i = 0; i < kPictures; ++i) frames[i].image_path = "p" + std::to_string(i) + ".png";
   frames.erase(frames.begin() + end, frames.end());
   frames.erase(frames.begin(), frames.begin() + first);
   std::mt19937_64 random(3);

@@ -35,13 +35,14 @@ Capture Make(int outliers = 0, int n = 4) {
     capture.names.push_back(frame.image_path.string());
     sfm::Features features;
     for (const Eigen::Vector3d& point : points) {
-      const auto xy = io::ImgFromCam(capture.scene.cameras[i % 2], frame.world_from_cam.Inverse() * point);
+      const auto xy = io::ImgFromCam(capture.scene.cameras[static_cast<std::size_t>(i % 2)],
+                                     frame.world_from_cam.Inverse() * point);
       features.keypoints.push_back({static_cast<float>(xy->x()), static_cast<float>(xy->y())});
     }
     capture.features.push_back(features);
   }
-  for (int a = 0; a < n; ++a) {
-    for (int b = a + 1; b < n; ++b) {
+  for (std::size_t a = 0; a < capture.names.size(); ++a) {
+    for (std::size_t b = a + 1; b < capture.names.size(); ++b) {
       sfm::VerifiedPair pair{capture.names[a], capture.names[b], 100};
       for (int k = 0; k < 100; ++k) pair.matches.push_back({k, k < outliers ? (k + 1) % outliers : k});
       capture.pairs.push_back(pair);
@@ -73,7 +74,7 @@ TEST(PairAgreement, TheTruthAgrees) {
 // among both.
 TEST(PairAgreement, EightPixelsAreTheLimit) {
   for (const auto& [shift, contradicting] : {std::pair{10.0f, 0}, {13.0f, 1}}) {
-    for (const int of : {0, 1}) {
+    for (const std::size_t of : {0u, 1u}) {
       Capture capture = Make(0, 2);
       capture.scene.frames[1].world_from_cam.translation.y() = 0;
       capture.scene.frames[1].camera_index = 0;
@@ -122,7 +123,7 @@ TEST(PairAgreement, RaysThatMeetBehindOneCameraContradict) {
 
 TEST(PairAgreement, ACameraThatOnlyTurnedAgrees) {
   Capture capture = Make();
-  for (int i = 0; i < 4; ++i) {
+  for (std::size_t i = 0; i < 4; ++i) {
     capture.scene.frames[i].world_from_cam.translation.setZero();
     capture.scene.frames[i].camera_index = 0;
     capture.features[i] = capture.features[0];
