@@ -107,7 +107,8 @@ void WriteImage(const SqliteConnection& database,
 std::vector<Keypoint> Keypoints(const SqliteConnection& database, sqlite3_stmt* row, int first_column) {
   const int rows = sqlite3_column_int(row, first_column), cols = sqlite3_column_int(row, first_column + 1);
   const int bytes = sqlite3_column_bytes(row, first_column + 2);
-  if (rows < 0 || cols < 2 || cols > 6 || bytes != rows * cols * static_cast<int>(sizeof(float))) {
+  const std::int64_t stated = std::int64_t{rows} * cols * std::int64_t{sizeof(float)};
+  if (rows < 0 || cols < 2 || cols > 6 || bytes != stated) {
     database.Fail("keypoints of a picture do not have the stated size");
   }
   std::vector<float> values(static_cast<std::size_t>(std::ptrdiff_t{rows} * cols));
@@ -218,7 +219,7 @@ std::vector<Features> ReadFeatures(const std::filesystem::path& path, const std:
         features.keypoints = Keypoints(database, row, 1);
         const int rows = static_cast<int>(features.keypoints.size());
         if (sqlite3_column_int(row, 4) != rows || sqlite3_column_int(row, 5) != kDescriptorBytes ||
-            sqlite3_column_bytes(row, 6) != rows * kDescriptorBytes) {
+            sqlite3_column_bytes(row, 6) != std::int64_t{rows} * kDescriptorBytes) {
           database.Fail("descriptors of " + Text(row, 0) + " do not have the stated size");
         }
         const auto* bytes = static_cast<const std::uint8_t*>(sqlite3_column_blob(row, 6));

@@ -111,6 +111,14 @@ TEST(ColmapDatabase, FeaturesOfColmapAreRead) {
   EXPECT_THROW(sfm::ReadFeatures(path, names), io::Error);  // 2 x 4 floats stored
   Query(path, "UPDATE keypoints SET rows = 3, cols = 4 WHERE image_id = 1");
   EXPECT_THROW(sfm::ReadFeatures(path, names), io::Error);
+  // As many bytes as 32 bits have room for, and none of them there.
+  Query(path, "UPDATE keypoints SET rows = 268435456, data = zeroblob(0) WHERE image_id = 1");
+  try {
+    sfm::ReadFeatures(path, names);
+    FAIL();
+  } catch (const io::Error& error) {
+    EXPECT_NE(std::string(error.what()).find("keypoints of a picture"), std::string::npos) << error.what();
+  }
 }
 
 TEST(ColmapDatabase, AffineShapesBecomeScaleAndAngle) {
