@@ -52,7 +52,7 @@ class SplatRasteriser {
                       const SplatTarget& target,
                       const std::array<float, 3>& background,
                       Tile* tile);
-  void PullBackSplats(std::size_t n, Splats* gradient);
+  void PullBackSplats(std::size_t n_splats, Splats* gradient);
 
   io::Workers* workers_;
   std::optional<SplatCamera> camera_;
