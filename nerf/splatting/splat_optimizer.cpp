@@ -15,6 +15,9 @@ namespace {
 constexpr float kPlaceRate = 0.1f;  // in units of the splat's first size
 constexpr float kScaleRate = 0.12f, kRotationRate = 0.02f, kOpacityRate = 0.2f, kColourRate = 0.03f;
 constexpr double kLastShare = 0.1;
+// Standard deviations in units of the splat's first size. Larger ones, grown where few photos look, would
+// veil whole pictures from between the photos.
+constexpr float kMostGrowth = 10;
 constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
 // Splats per task, so that the arrays of a task hold whole vectors.
 constexpr std::size_t kSplatsPerTask = 4096;
@@ -98,7 +101,10 @@ void SplatAdam::Move(const kernels::AdamStep& adam, std::size_t begin, std::size
                                   block.values->data() + at,
                                   nullptr);
   }
-  for (std::size_t i = 3 * begin; i < 3 * end; ++i) splats.places[i] += sizes[i / 3] * moves_[i];
+  for (std::size_t i = 3 * begin; i < 3 * end; ++i) {
+    splats.places[i] += sizes[i / 3] * moves_[i];
+    splats.log_scales[i] = std::min(splats.log_scales[i], std::log(kMostGrowth * sizes[i / 3]));
+  }
 }
 
 std::size_t SplatTurn(std::size_t n_targets, std::uint64_t seed, std::uint64_t step) {

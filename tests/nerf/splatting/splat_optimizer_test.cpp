@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <csignal>
 
 #include "nerf/splatting/plain_rasteriser.h"
@@ -106,6 +108,20 @@ TEST_F(SplatOptimizer, WithNothingToDoNothingChanges) {
   Splats none;
   OptimizeSplats(targets_, {.steps = 5}, &none);
   EXPECT_EQ(none.size(), 0u);
+}
+
+// A small splat in the middle of pictures that are white throughout.
+TEST(SplatSizes, GrowTenfoldAtMost) {
+  Splats splats;
+  splats.resize(1);
+  splats.log_scales.assign(3, std::log(0.02f));
+  splats.rotations[0] = 1;
+  splats.opacities[0] = 2;
+  std::fill_n(splats.colours.begin(), 3, 1.7f);
+  const std::vector<std::uint8_t> white(static_cast<std::size_t>(4 * kWidth * kHeight), 255);
+  OptimizeSplats({{ViewFrom(0), white, {}}, {ViewFrom(0.4), white, {}}}, {.steps = 200}, &splats);
+  const float largest = *std::max_element(splats.log_scales.begin(), splats.log_scales.end());
+  EXPECT_NEAR(std::exp(largest), 0.2f, 1e-4f);
 }
 
 }  // namespace
