@@ -50,6 +50,7 @@ SplatAdam::SplatAdam(Splats* splats, SplatMoments* moments, io::Workers* workers
       moves_(splats->places.size()),
       rasteriser_(workers) {
   gradient_.resize(splats->size());
+  for (const float size : moments->sizes) most_log_scales_.push_back(std::log(kMostGrowth * size));
 }
 
 double SplatAdam::Step(const SplatTarget& target,
@@ -103,7 +104,7 @@ void SplatAdam::Move(const kernels::AdamStep& adam, std::size_t begin, std::size
   }
   for (std::size_t i = 3 * begin; i < 3 * end; ++i) {
     splats.places[i] += sizes[i / 3] * moves_[i];
-    splats.log_scales[i] = std::min(splats.log_scales[i], std::log(kMostGrowth * sizes[i / 3]));
+    splats.log_scales[i] = std::min(splats.log_scales[i], most_log_scales_[i / 3]);
   }
 }
 

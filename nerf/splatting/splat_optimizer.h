@@ -38,7 +38,8 @@ class SplatAdam {
   SplatMoments* const moments_;
   io::Workers* const workers_;
   Splats gradient_;
-  std::vector<float> moves_;  // of the places, in units of the sizes
+  std::vector<float> moves_;            // of the places, in units of the sizes
+  std::vector<float> most_log_scales_;  // [n]
   SplatRasteriser rasteriser_;
 };
 

@@ -8,7 +8,7 @@
 namespace nerf {
 namespace {
 
-constexpr std::size_t kGatheredAtOnce = 8192;
+constexpr std::size_t kGatheredAtOnce = 8192;  // splats per task
 // Depths are sorted by so many bits at a time.
 constexpr int kDigitBits = 11, kDigits = 3;
 constexpr std::size_t kDigitValues = std::size_t{1} << kDigitBits;

@@ -22,10 +22,12 @@ constexpr float kSteepest = 6;
 constexpr std::size_t kRays = 3;
 // Of the pixels: chosen without regard to what they show.
 constexpr float kEvenShare = 0.5f;
-// Contrasts above this multiple of the mean count as it; how many pixels are drawn at most until one is
-// chosen by its contrast; and how many the mean is taken over.
+// Times the mean contrast: pixels with more are all the same to the choice.
 constexpr float kMostContrast = 4;
-constexpr int kMostDraws = 64, kSampled = 10000;
+// Pixels that the mean contrast is taken over.
+constexpr int kSampled = 10000;
+// Pixels drawn until one is chosen by its contrast: where photos are of one colour, none ever is.
+constexpr int kMostDraws = 64;
 // Pixels whose rays are in memory together.
 constexpr std::size_t kBatch = 1 << 15;
 
