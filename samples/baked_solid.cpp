@@ -2,7 +2,7 @@
 // distance.
 #include "samples/baked_solid.h"
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 
 namespace samples {
 namespace {

@@ -10,9 +10,9 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
-#include "io/base/progress.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
 #include "io/scene/transforms.h"
 #include "io/video/video_writer.h"
 #include "samples/noise.h"

@@ -7,7 +7,7 @@
 
 #include "io/base/error.h"
 #include "io/base/median.h"
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "samples/noise.h"
 #include "samples/room_paint.h"
 #include "sfm/scene/pose_error.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "io/base/check.h"
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "samples/noise.h"
 
 namespace samples {

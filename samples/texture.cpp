@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 
 namespace samples {
 

@@ -7,7 +7,7 @@
 #include <map>
 #include <set>
 
-#include "io/base/stopwatch.h"
+#include "io/process/stopwatch.h"
 #include "sfm/adjust_joined.h"
 #include "sfm/bundle/camera_model_selection.h"
 #include "sfm/bundle/observation_sigma.h"

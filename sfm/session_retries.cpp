@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "io/base/progress.h"
-#include "io/base/stopwatch.h"
+#include "io/process/progress.h"
+#include "io/process/stopwatch.h"
 #include "sfm/features/stationary_matches.h"
 #include "sfm/mapping/diagnosis.h"
 #include "sfm/second_look.h"

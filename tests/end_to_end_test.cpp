@@ -9,10 +9,10 @@
 #include <opencv2/videoio.hpp>
 #include <thread>
 
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "pipeline/stage/stage_table.h"
 #include "samples/capture.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

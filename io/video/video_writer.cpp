@@ -11,8 +11,8 @@
 #include "io/base/disk_room.h"
 #include "io/base/error.h"
 #include "io/base/memory.h"
-#include "io/base/process.h"
 #include "io/image/image.h"
+#include "io/process/process.h"
 
 namespace io {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "io/base/check.h"
-#include "io/base/parallel.h"
 #include "io/image/mask.h"
+#include "io/process/parallel.h"
 
 namespace nerf {
 

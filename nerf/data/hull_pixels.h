@@ -1,7 +1,7 @@
 // Which pixels of pictures with alpha can show anything.
 #pragma once
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/data/dataset.h"
 #include "nerf/sampling/scene_contraction.h"
 

@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "io/scene/scene.h"
 #include "nerf/sampling/scene_contraction.h"
 

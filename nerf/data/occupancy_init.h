@@ -1,7 +1,7 @@
 // The occupancy grid before the first training step: what the pictures alone say about empty space.
 #pragma once
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/data/dataset.h"
 #include "nerf/sampling/occupancy_grid.h"
 

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "io/scene/scene.h"
 #include "nerf/sampling/occupancy_grid.h"
 

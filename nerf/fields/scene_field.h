@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/data/dataset.h"
 #include "nerf/fields/hash_field.h"
 #include "nerf/fields/mlp_field.h"
@@ -72,7 +72,7 @@ struct SceneFieldOptions {
 //               interest; unbounded, to the sparse points that each view observes
 //   intervals   1.5 p (bounded); 4 p, in proportion to distance (unbounded)
 //   finest grid cells of 0.9 p, coarsest 16 per axis, tables of 2^17 entries per level, unless the budget
-//   says otherwise (training_schedule.h)
+//   says otherwise (nerf/steps/training_schedule.h)
 // Pictures with alpha, given or from a plain background: the space is the cube around their visual hull.
 // Others: contracted space around a cube at the centre of the region of interest, whose half side is the
 // median distance of views from the points that they observe.

@@ -13,7 +13,7 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/fields/mlp.h"
 
 namespace nerf {

@@ -20,7 +20,7 @@
 
 #include "io/base/error.h"
 #include "io/base/hash.h"
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 #include "nerf/ranks/local_address.h"
 #include "nerf/ranks/messages.h"
 #include "nerf/ranks/patience.h"

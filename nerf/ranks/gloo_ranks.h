@@ -9,7 +9,7 @@
 #include <chrono>
 #include <memory>
 
-#include "io/base/meeting.h"
+#include "io/process/meeting.h"
 
 namespace nerf {
 

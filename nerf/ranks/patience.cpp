@@ -4,8 +4,8 @@
 #include <unistd.h>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/quoting.h"
+#include "io/process/interrupt.h"
 
 namespace nerf {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 #include "nerf/rendering/volume_rendering.h"
 
 namespace nerf {

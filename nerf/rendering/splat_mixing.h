@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/fields/scene_field.h"
 
 namespace nerf {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "io/base/parallel.h"
-#include "io/base/ranks.h"
+#include "io/process/parallel.h"
+#include "io/process/ranks.h"
 
 namespace nerf {
 namespace {

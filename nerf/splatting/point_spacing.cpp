@@ -5,7 +5,7 @@
 #include <numbers>
 #include <opencv2/flann.hpp>
 
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 
 namespace nerf {
 namespace {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/random.h"
+#include "io/process/interrupt.h"
 
 namespace nerf {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/splatting/splat_projection.h"
 #include "nerf/splatting/splats.h"
 #include "nerf/splatting/tile_lists.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/kernels/splat_blending.h"
 
 namespace nerf {

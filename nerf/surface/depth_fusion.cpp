@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 
 namespace nerf {
 namespace {

@@ -6,7 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "io/scene/scene.h"
 #include "nerf/rendering/trained_field.h"
 

@@ -8,7 +8,7 @@
 // hundred lines; CGAL's mesher is under the GPL.)
 #pragma once
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "io/scene/mesh.h"
 #include "nerf/surface/sparse_volume.h"
 

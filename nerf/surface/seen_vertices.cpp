@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 
 namespace nerf {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "io/base/error.h"
 #include "io/base/median.h"
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/rendering/capture_geometry.h"
 #include "nerf/surface/depth_fusion.h"
 #include "nerf/surface/isosurface.h"

@@ -8,9 +8,9 @@
 
 #include "nerf/data/near_cameras.h"
 #include "nerf/fields/checkpoint.h"
-#include "nerf/training/camera_refinement.h"
-#include "nerf/training/field_training.h"
-#include "nerf/training/train_options.h"
+#include "nerf/steps/camera_refinement.h"
+#include "nerf/steps/field_training.h"
+#include "nerf/steps/train_options.h"
 #include "nerf/training/train_report.h"
 
 namespace nerf {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "io/base/error.h"
-#include "io/base/ranks.h"
+#include "io/process/ranks.h"
 
 namespace nerf {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf/training/moved_camera.h"
+#include "nerf/steps/moved_camera.h"
 #include "nerf/training/training_curve.h"
 
 namespace nerf {

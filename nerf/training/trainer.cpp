@@ -8,9 +8,9 @@
 #include <string>
 
 #include "io/base/check.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
-#include "io/base/ranks.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
+#include "io/process/ranks.h"
 #include "nerf/data/plain_background.h"
 #include "nerf/data/sparse_depth.h"
 #include "nerf/training/field_fit.h"

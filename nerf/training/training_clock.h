@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-#include "io/base/resource_meter.h"
+#include "io/process/resource_meter.h"
 
 namespace nerf {
 

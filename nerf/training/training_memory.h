@@ -5,7 +5,7 @@
 
 #include "io/scene/scene.h"
 #include "nerf/data/dataset.h"
-#include "nerf/training/train_options.h"
+#include "nerf/steps/train_options.h"
 
 namespace nerf {
 

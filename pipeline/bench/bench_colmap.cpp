@@ -5,7 +5,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "sfm/mapping/colmap_options.h"
 
 namespace pipeline {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/base/resource_meter.h"
+#include "io/process/resource_meter.h"
 #include "io/scene/colmap_model.h"
 
 namespace pipeline {

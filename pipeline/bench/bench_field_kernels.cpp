@@ -6,8 +6,8 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
+#include "io/process/interrupt.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_table.h"
 #include "pipeline/bench/kernel_cases.h"

@@ -7,7 +7,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/median.h"
-#include "io/base/stopwatch.h"
+#include "io/process/stopwatch.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_table.h"
 #include "sfm/features/kernels/kernels.h"

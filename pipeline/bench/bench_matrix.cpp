@@ -9,7 +9,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_table.h"
 #include "sfm/synthetic/hard_cases.h"

@@ -11,11 +11,11 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
-#include "io/base/resource_meter.h"
 #include "io/image/image_size.h"
 #include "io/image/photo_tags.h"
+#include "io/process/interrupt.h"
+#include "io/process/resource_meter.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_colmap.h"
 #include "pipeline/bench/bench_table.h"

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
-#include "io/base/process.h"
+#include "io/process/interrupt.h"
+#include "io/process/process.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_table.h"
 #include "pipeline/bench/bench_train_tables.h"

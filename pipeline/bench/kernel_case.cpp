@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "io/base/resource_meter.h"
+#include "io/process/resource_meter.h"
 
 namespace pipeline {
 namespace {

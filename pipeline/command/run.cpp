@@ -13,11 +13,11 @@
 #include <thread>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/process.h"
-#include "io/base/progress.h"
 #include "io/base/quoting.h"
-#include "io/base/ranks.h"
+#include "io/process/interrupt.h"
+#include "io/process/process.h"
+#include "io/process/progress.h"
+#include "io/process/ranks.h"
 #include "pipeline/command/commands.h"
 #include "pipeline/evaluation/verdict.h"
 #include "pipeline/ingest/ingest_options.h"

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "io/base/error.h"
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/fields/mlp.h"
 #include "nerf/fields/torch_mlp.h"
 #include "pipeline/export/export.h"

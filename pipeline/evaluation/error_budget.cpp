@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "io/base/check.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
-#include "io/base/ranks.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
+#include "io/process/ranks.h"
 #include "nerf/metrics/metrics.h"
 #include "nerf/rendering/pose_fit.h"
 #include "nerf/rendering/support_map.h"

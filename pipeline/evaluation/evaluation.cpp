@@ -8,13 +8,13 @@
 #include <set>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/median.h"
-#include "io/base/parallel.h"
-#include "io/base/progress.h"
 #include "io/base/quoting.h"
-#include "io/base/ranks.h"
 #include "io/image/colour_map.h"
+#include "io/process/interrupt.h"
+#include "io/process/parallel.h"
+#include "io/process/progress.h"
+#include "io/process/ranks.h"
 #include "nerf/metrics/flip.h"
 #include "nerf/metrics/metrics.h"
 #include "nerf/rendering/hidden_points.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 #include "io/scene/colmap_model.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"

@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
 #include "pipeline/export/view_surface.h"
 
 namespace pipeline {

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
 #include "io/image/grey_png.h"
 #include "io/image/image.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
 #include "pipeline/export/export_place.h"
 #include "pipeline/export/view_surface.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "io/base/error.h"
-#include "io/base/progress.h"
+#include "io/process/progress.h"
 #include "io/scene/mesh.h"
 #include "nerf/surface/surface.h"
 #include "pipeline/export/export_place.h"

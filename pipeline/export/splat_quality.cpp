@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "nerf/metrics/metrics.h"
 #include "nerf/splatting/plain_rasteriser.h"
 #include "pipeline/evaluation/evaluation.h"

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
 #include "io/base/random.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
 #include "nerf/splatting/splat_optimizer.h"
 #include "nerf/splatting/surface_splats.h"
 #include "pipeline/evaluation/evaluation.h"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "io/scene/decomposition.h"
 
 namespace pipeline {

@@ -10,12 +10,12 @@
 #include <optional>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
-#include "io/base/ranks.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
 #include "io/image/image_size.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
+#include "io/process/ranks.h"
 #include "io/scene/transforms.h"
 #include "nerf/rendering/free_path.h"
 #include "pipeline/evaluation/evaluation.h"

@@ -9,10 +9,10 @@
 #include <tuple>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/parallel.h"
-#include "io/base/progress.h"
 #include "io/image/photo.h"
+#include "io/process/interrupt.h"
+#include "io/process/parallel.h"
+#include "io/process/progress.h"
 #include "pipeline/ingest/ingest.h"
 #include "pipeline/ingest/photo_masks.h"
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
 #include "io/image/image.h"
 #include "io/image/picture_measure.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
 #include "io/video/camera_motion.h"
 #include "io/video/video_reader.h"
 #include "pipeline/ingest/ingest.h"

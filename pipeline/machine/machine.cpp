@@ -14,8 +14,8 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/parallel.h"
-#include "io/base/process.h"
+#include "io/process/parallel.h"
+#include "io/process/process.h"
 #include "nerf/kernels/kernels.h"
 
 namespace pipeline {

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "io/base/error.h"
-#include "io/base/meeting.h"
+#include "io/process/meeting.h"
 #include "nerf/fields/torch_mlp.h"
 #include "nerf/ranks/gloo_ranks.h"
 #include "pipeline/command/commands.h"

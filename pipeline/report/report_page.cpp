@@ -7,9 +7,9 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/base64.h"
-#include "io/base/progress.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
+#include "io/process/progress.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/evaluation/verdict.h"
 #include "pipeline/report/budget_section.h"

@@ -6,8 +6,8 @@
 #include <cstdlib>
 
 #include "io/base/error.h"
-#include "io/base/parallel.h"
-#include "io/base/ranks.h"
+#include "io/process/parallel.h"
+#include "io/process/ranks.h"
 
 namespace pipeline {
 namespace {

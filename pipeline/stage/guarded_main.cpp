@@ -13,8 +13,8 @@
 #include <system_error>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/quoting.h"
+#include "io/process/interrupt.h"
 
 namespace pipeline {
 

@@ -1,6 +1,7 @@
 // One run of a stage: its cache key, its partial outputs, and their commit. A stage writes into a hidden
-// partial folder that becomes `<run>/<folder>` only when it is complete. Of several ranks (io/base/ranks.h)
-// the first does so; for the others a StageRun only tells whether and where there is work.
+// partial folder that becomes `<run>/<folder>` only when it is complete. Of several ranks
+// (io/process/ranks.h) the first does so; for the others a StageRun only tells whether and where there is
+// work.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "io/base/stopwatch.h"
+#include "io/process/stopwatch.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/folder_lock.h"
 

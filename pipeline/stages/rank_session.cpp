@@ -10,7 +10,7 @@
 #include <exception>
 
 #include "io/base/error.h"
-#include "io/base/meeting.h"
+#include "io/process/meeting.h"
 #include "nerf/kernels/kernels.h"
 #include "pipeline/stages/program_change.h"
 #include "pipeline/stages/run_secret.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "io/base/ranks.h"
+#include "io/process/ranks.h"
 
 namespace pipeline {
 

@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
+#include "io/process/interrupt.h"
 
 namespace pipeline {
 namespace {

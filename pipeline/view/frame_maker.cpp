@@ -6,11 +6,11 @@
 #include <limits>
 #include <thread>
 
-#include "io/base/interrupt.h"
-#include "io/base/resource_meter.h"
-#include "io/base/stopwatch.h"
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
+#include "io/process/interrupt.h"
+#include "io/process/resource_meter.h"
+#include "io/process/stopwatch.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/film.h"
 #include "pipeline/film/support_pictures.h"

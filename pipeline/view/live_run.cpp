@@ -3,7 +3,7 @@
 #include <chrono>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/training_watch.h"

@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <thread>
 
-#include "io/base/interrupt.h"
 #include "io/base/quoting.h"
+#include "io/process/interrupt.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"

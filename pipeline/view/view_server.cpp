@@ -10,7 +10,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
+#include "io/process/interrupt.h"
 #include "pipeline/film/scene_json.h"
 #include "pipeline/stages/training_watch.h"
 #include "pipeline/view/page_assets.h"

@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/progress.h"
+#include "io/process/interrupt.h"
+#include "io/process/progress.h"
 #include "sfm/bundle/bundle_state.h"
 
 namespace sfm {

@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 #include "sfm/bundle/bundle_state.h"
 
 namespace sfm {

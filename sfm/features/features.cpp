@@ -12,10 +12,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "io/base/error.h"
-#include "io/base/parallel.h"
-#include "io/base/progress.h"
 #include "io/image/image_size.h"
 #include "io/image/mask.h"
+#include "io/process/parallel.h"
+#include "io/process/progress.h"
 
 namespace sfm {
 namespace {

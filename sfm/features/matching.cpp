@@ -6,8 +6,8 @@
 #include <map>
 #include <mutex>
 
-#include "io/base/parallel.h"
-#include "io/base/progress.h"
+#include "io/process/parallel.h"
+#include "io/process/progress.h"
 #include "sfm/features/kernels/kernels.h"
 
 namespace sfm {

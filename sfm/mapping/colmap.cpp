@@ -8,9 +8,9 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/parallel.h"
-#include "io/base/process.h"
-#include "io/base/progress.h"
+#include "io/process/parallel.h"
+#include "io/process/process.h"
+#include "io/process/progress.h"
 #include "sfm/mapping/colmap_step.h"
 #include "sfm/mapping/log_progress.h"
 

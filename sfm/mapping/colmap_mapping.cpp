@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "io/base/atomic_file.h"
-#include "io/base/parallel.h"
-#include "io/base/progress.h"
+#include "io/process/parallel.h"
+#include "io/process/progress.h"
 #include "io/scene/colmap_model.h"
 #include "sfm/mapping/colmap_step.h"
 #include "sfm/mapping/log_progress.h"

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <string>
 
-#include "io/base/progress.h"
+#include "io/process/progress.h"
 
 namespace sfm {
 

@@ -8,7 +8,7 @@
 
 #include "io/base/error.h"
 #include "io/base/median.h"
-#include "io/base/stopwatch.h"
+#include "io/process/stopwatch.h"
 #include "sfm/mapping/block_mapping.h"
 #include "sfm/mapping/flat_pairs.h"
 #include "sfm/mapping/found_model.h"

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "io/base/error.h"
-#include "io/base/parallel.h"
+#include "io/process/parallel.h"
 
 namespace sfm {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
-#include "io/base/parallel.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
+#include "io/process/parallel.h"
 
 namespace sfm {
 namespace {

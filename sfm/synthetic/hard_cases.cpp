@@ -6,8 +6,8 @@
 
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
-#include "io/base/process.h"
-#include "io/base/resource_meter.h"
+#include "io/process/process.h"
+#include "io/process/resource_meter.h"
 #include "sfm/reconstruction.h"
 #include "sfm/scene/doming.h"
 #include "sfm/synthetic/synthetic_capture.h"

@@ -12,9 +12,9 @@
 #include <map>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
-#include "tests/support/learnable_views.h"
-#include "tests/support/temp_dir.h"
+#include "io/process/process.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/learnable_views.h"
 
 namespace {
 

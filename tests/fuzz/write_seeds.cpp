@@ -9,8 +9,8 @@
 #include "pipeline/stage/frames.h"
 #include "pipeline/stage/run_record.h"
 #include "tests/fuzz/fuzz_input.h"
-#include "tests/support/small_colmap_model.h"
-#include "tests/support/some_splats.h"
+#include "tests/support/files/small_colmap_model.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace {
 

@@ -11,12 +11,12 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/base/process.h"
 #include "io/image/image.h"
 #include "io/image/photo_tags.h"
+#include "io/process/process.h"
 #include "io/scene/transforms.h"
 #include "samples/photograph.h"
-#include "tests/support/require_program.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

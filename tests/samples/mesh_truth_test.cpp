@@ -6,7 +6,7 @@
 #include "io/base/error.h"
 #include "samples/room_paint.h"
 #include "samples/trajectory.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

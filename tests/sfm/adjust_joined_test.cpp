@@ -6,9 +6,9 @@
 #include "sfm/mapping/mapping_attempt.h"
 #include "sfm/scene/pose_error.h"
 #include "sfm/synthetic/synthetic_capture.h"
-#include "tests/support/require_program.h"
-#include "tests/support/sfm_synthetic_model.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/require_program.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

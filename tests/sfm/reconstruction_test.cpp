@@ -9,12 +9,12 @@
 #include <map>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
 #include "io/image/mask.h"
+#include "io/process/process.h"
 #include "sfm/mapping/colmap_database.h"
 #include "sfm/synthetic/synthetic_capture.h"
-#include "tests/support/require_program.h"
-#include "tests/support/small_capture.h"
+#include "tests/support/files/small_capture.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

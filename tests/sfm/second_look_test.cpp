@@ -9,8 +9,8 @@
 
 #include "sfm/scene/pose_error.h"
 #include "sfm/synthetic/synthetic_capture.h"
-#include "tests/support/require_program.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

@@ -9,9 +9,9 @@
 
 #include "io/base/error.h"
 #include "io/base/hash.h"
-#include "io/base/interrupt.h"
 #include "io/base/owned_folder.h"
-#include "tests/support/temp_dir.h"
+#include "io/process/interrupt.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
-#include "tests/support/temp_dir.h"
+#include "io/process/process.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

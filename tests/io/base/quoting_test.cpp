@@ -1,8 +1,8 @@
 // io/base/quoting.h: what a shell and a reader of CSV give back is the text that went in.
 #include "io/base/quoting.h"
 
-#include "io/base/process.h"
-#include "tests/support/temp_dir.h"
+#include "io/process/process.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

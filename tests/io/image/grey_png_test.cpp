@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

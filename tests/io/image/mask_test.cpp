@@ -2,7 +2,7 @@
 #include "io/image/mask.h"
 
 #include "io/base/error.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include <jpeglib.h>
 
 #include "io/image/media_type.h"
-#include "tests/support/photo_files.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/photo_files.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

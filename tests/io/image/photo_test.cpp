@@ -6,7 +6,7 @@
 #include <cstring>
 #include <exiv2/exiv2.hpp>
 
-#include "tests/support/photo_files.h"
+#include "tests/support/files/photo_files.h"
 
 namespace {
 

@@ -10,7 +10,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/scene/colmap_model.h"
-#include "tests/support/small_colmap_model.h"
+#include "tests/support/files/small_colmap_model.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 
 #include <cstdlib>
 
-#include "tests/support/scene_matchers.h"
-#include "tests/support/small_colmap_model.h"
+#include "tests/support/files/small_colmap_model.h"
+#include "tests/support/scenes/scene_matchers.h"
 
 namespace {
 

@@ -11,8 +11,8 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "tests/support/require_program.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

@@ -11,7 +11,7 @@
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "io/scene/ply.h"
-#include "tests/support/transforms_folder.h"
+#include "tests/support/files/transforms_folder.h"
 
 namespace {
 

@@ -4,8 +4,8 @@
 #include "io/image/image.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
-#include "tests/support/scene_matchers.h"
-#include "tests/support/transforms_folder.h"
+#include "tests/support/files/transforms_folder.h"
+#include "tests/support/scenes/scene_matchers.h"
 
 namespace {
 

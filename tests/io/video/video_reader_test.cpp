@@ -9,9 +9,9 @@
 #include <opencv2/videoio.hpp>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "io/video/camera_motion.h"
-#include "tests/support/require_program.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

@@ -13,7 +13,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/image/image.h"
-#include "tests/support/require_program.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

@@ -12,10 +12,10 @@
 #include "nerf/fields/scene_field.h"
 #include "nerf/metrics/metrics.h"
 #include "nerf/rendering/volume_rendering.h"
+#include "nerf/steps/ray_batch.h"
 #include "nerf/training/heldout_monitor.h"
-#include "nerf/training/ray_batch.h"
-#include "tests/support/picture_scene.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/picture_scene.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace nerf {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "tests/support/sphere_field.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace nerf {
 namespace {

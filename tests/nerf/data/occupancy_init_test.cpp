@@ -13,10 +13,10 @@
 #include "io/image/mask.h"
 #include "nerf/data/hull_pixels.h"
 #include "nerf/data/projector.h"
-#include "tests/support/ball_scene.h"
-#include "tests/support/march_ray.h"
-#include "tests/support/picture_scene.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/picture_scene.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/ball_scene.h"
+#include "tests/support/scenes/march_ray.h"
 
 namespace nerf {
 namespace {

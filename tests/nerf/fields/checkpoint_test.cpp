@@ -6,8 +6,8 @@
 
 #include "io/base/error.h"
 #include "io/base/hash.h"
-#include "tests/support/some_splats.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
 namespace {

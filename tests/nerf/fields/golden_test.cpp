@@ -5,11 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/random.h"
-#include "nerf/training/field_training.h"
-#include "nerf/training/mlp_shard.h"
+#include "nerf/steps/field_training.h"
+#include "nerf/steps/mlp_shard.h"
 #include "nerf/training/trainer.h"
-#include "tests/support/field_tensor.h"
-#include "tests/support/torch_environment.h"
+#include "tests/support/programs/torch_environment.h"
+#include "tests/support/scenes/field_tensor.h"
 
 namespace nerf {
 namespace {

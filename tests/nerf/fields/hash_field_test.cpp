@@ -9,7 +9,7 @@
 #include "io/base/random.h"
 #include "nerf/fields/spherical_harmonics.h"
 #include "nerf/kernels/reference.h"
-#include "tests/support/field_tensor.h"
+#include "tests/support/scenes/field_tensor.h"
 
 namespace nerf {
 namespace {

@@ -5,10 +5,10 @@
 #include "io/base/error.h"
 #include "nerf/rendering/ray_renderer.h"
 #include "nerf/rendering/volume_rendering.h"
-#include "tests/support/field_tensor.h"
-#include "tests/support/reference_mlp.h"
-#include "tests/support/small_mlp.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/field_tensor.h"
+#include "tests/support/scenes/reference_mlp.h"
+#include "tests/support/scenes/small_mlp.h"
 
 namespace nerf {
 namespace {

@@ -1,4 +1,4 @@
-// The LibTorch network against its plain reference in double (tests/support/reference_mlp.h): outputs,
+// The LibTorch network against its plain reference in double (tests/support/scenes/reference_mlp.h): outputs,
 // gradients, threads and precision.
 #include "nerf/fields/mlp.h"
 
@@ -8,9 +8,9 @@
 
 #include "io/base/error.h"
 #include "io/base/random.h"
-#include "tests/support/reference_mlp.h"
-#include "tests/support/temp_dir.h"
-#include "tests/support/torch_environment.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/torch_environment.h"
+#include "tests/support/scenes/reference_mlp.h"
 
 namespace nerf {
 namespace {

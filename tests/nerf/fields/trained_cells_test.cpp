@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "nerf/fields/hash_field.h"
-#include "tests/support/field_tensor.h"
+#include "tests/support/scenes/field_tensor.h"
 
 namespace nerf {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tests/support/look_at.h"
-#include "tests/support/sphere_field.h"
+#include "tests/support/scenes/look_at.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/sphere_field.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

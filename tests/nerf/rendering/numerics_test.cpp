@@ -17,7 +17,7 @@
 #include "nerf/kernels/kernels.h"
 #include "nerf/rendering/volume_rendering.h"
 #include "nerf/sampling/quadrature.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace nerf {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "io/base/error.h"
 #include "nerf/sampling/pose_motion.h"
-#include "tests/support/sphere_field.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace nerf {
 namespace {

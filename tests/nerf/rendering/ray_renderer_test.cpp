@@ -9,7 +9,7 @@
 #include <string>
 
 #include "nerf/rendering/volume_rendering.h"
-#include "tests/support/field_tensor.h"
+#include "tests/support/scenes/field_tensor.h"
 
 namespace nerf {
 namespace {

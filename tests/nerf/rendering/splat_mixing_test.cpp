@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "nerf/splatting/plain_rasteriser.h"
-#include "tests/support/some_splats.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
 namespace {

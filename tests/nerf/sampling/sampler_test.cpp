@@ -10,7 +10,7 @@
 
 #include "io/base/random.h"
 #include "nerf/kernels/march_reference.h"
-#include "tests/support/march_ray.h"
+#include "tests/support/scenes/march_ray.h"
 
 namespace nerf {
 namespace {

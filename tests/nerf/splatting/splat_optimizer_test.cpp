@@ -8,7 +8,7 @@
 #include <csignal>
 
 #include "nerf/splatting/plain_rasteriser.h"
-#include "tests/support/some_splats.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
 namespace {

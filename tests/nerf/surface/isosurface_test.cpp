@@ -9,7 +9,7 @@
 
 #include "io/base/error.h"
 #include "nerf/surface/mesh_repair.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

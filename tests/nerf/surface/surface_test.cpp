@@ -8,9 +8,9 @@
 #include "io/base/error.h"
 #include "io/image/mask.h"
 #include "nerf/surface/mesh_repair.h"
-#include "tests/support/look_at.h"
-#include "tests/support/sphere_field.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/look_at.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

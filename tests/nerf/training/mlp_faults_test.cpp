@@ -5,11 +5,11 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "nerf/training/field_training.h"
+#include "nerf/steps/field_training.h"
 #include "nerf/training/heldout_monitor.h"
-#include "tests/support/field_tensor.h"
-#include "tests/support/small_mlp.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/field_tensor.h"
+#include "tests/support/scenes/small_mlp.h"
 
 namespace nerf {
 namespace {

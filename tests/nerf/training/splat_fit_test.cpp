@@ -11,8 +11,8 @@
 #include "nerf/training/field_surface.h"
 #include "nerf/training/heldout_monitor.h"
 #include "nerf/training/trainer.h"
-#include "tests/support/ball_scene.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/ball_scene.h"
 
 namespace nerf {
 namespace {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
-#include "tests/support/ball_scene.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/ball_scene.h"
 
 namespace nerf {
 namespace {

@@ -13,8 +13,8 @@
 #include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/splat_fit.h"
-#include "tests/support/ball_scene.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/ball_scene.h"
 
 namespace nerf {
 namespace {

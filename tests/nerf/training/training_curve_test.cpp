@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 
 #include "io/base/error.h"
 #include "nerf/training/trainer.h"
-#include "tests/support/ball_scene.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/ball_scene.h"
 
 namespace nerf {
 namespace {

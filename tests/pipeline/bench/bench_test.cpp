@@ -9,14 +9,14 @@
 #include <sstream>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_table.h"
 #include "pipeline/bench/true_poses.h"
 #include "pipeline/report/bar_plot.h"
 #include "pipeline/report/plot_svg.h"
-#include "tests/support/require_program.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

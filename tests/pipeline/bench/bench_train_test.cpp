@@ -6,10 +6,10 @@
 #include <limits>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/training_result.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -9,13 +9,13 @@
 #include <thread>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "nerf/kernels/kernels.h"
 #include "pipeline/evaluation/scores.h"
 #include "pipeline/ingest/run_input.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/stage_table.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

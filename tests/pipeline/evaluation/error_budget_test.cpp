@@ -6,8 +6,8 @@
 
 #include "nerf/sampling/pose_motion.h"
 #include "pipeline/evaluation/evaluation.h"
-#include "tests/support/sphere_field.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

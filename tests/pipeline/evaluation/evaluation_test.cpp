@@ -13,7 +13,7 @@
 #include "io/base/error.h"
 #include "io/image/mask.h"
 #include "nerf/metrics/metrics.h"
-#include "tests/support/sphere_field.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

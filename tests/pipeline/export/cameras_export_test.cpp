@@ -3,12 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "io/scene/colmap_model.h"
 #include "io/scene/transforms.h"
-#include "tests/support/require_program.h"
-#include "tests/support/scene_matchers.h"
-#include "tests/support/sphere_export.h"
+#include "tests/support/files/sphere_export.h"
+#include "tests/support/programs/require_program.h"
+#include "tests/support/scenes/scene_matchers.h"
 
 namespace pipeline {
 namespace {

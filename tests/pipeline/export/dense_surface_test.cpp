@@ -6,7 +6,7 @@
 #include "io/base/error.h"
 #include "io/scene/ply.h"
 #include "pipeline/export/points_export.h"
-#include "tests/support/sphere_export.h"
+#include "tests/support/files/sphere_export.h"
 
 namespace pipeline {
 namespace {

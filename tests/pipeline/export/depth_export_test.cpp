@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "tests/support/sphere_export.h"
+#include "tests/support/files/sphere_export.h"
 
 namespace pipeline {
 namespace {

@@ -8,7 +8,7 @@
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
 #include "pipeline/export/ply_table.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace pipeline {
 namespace {

@@ -11,9 +11,9 @@
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
 #include "nerf/fields/checkpoint.h"
-#include "tests/support/small_run.h"
-#include "tests/support/some_splats.h"
-#include "tests/support/sphere_export.h"
+#include "tests/support/files/small_run.h"
+#include "tests/support/files/sphere_export.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace pipeline {
 namespace {

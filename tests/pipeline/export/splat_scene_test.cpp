@@ -7,7 +7,7 @@
 #include "io/image/mask.h"
 #include "nerf/splatting/plain_rasteriser.h"
 #include "pipeline/export/splat_quality.h"
-#include "tests/support/sphere_export.h"
+#include "tests/support/files/sphere_export.h"
 
 namespace pipeline {
 namespace {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "nerf/splatting/plain_rasteriser.h"
-#include "tests/support/some_splats.h"
-#include "tests/support/splat_file.h"
+#include "tests/support/files/splat_file.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace pipeline {
 namespace {

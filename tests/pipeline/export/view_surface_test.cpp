@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/sphere_export.h"
+#include "tests/support/files/sphere_export.h"
 
 namespace pipeline {
 namespace {

@@ -17,8 +17,8 @@
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/film/support_pictures.h"
-#include "tests/support/require_program.h"
-#include "tests/support/sphere_field.h"
+#include "tests/support/programs/require_program.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

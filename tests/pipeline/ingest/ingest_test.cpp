@@ -4,7 +4,7 @@
 #include <sys/stat.h>
 
 #include "io/image/image.h"
-#include "tests/support/ingest_fixture.h"
+#include "tests/support/files/ingest_fixture.h"
 
 namespace {
 

@@ -3,7 +3,7 @@
 
 #include "io/image/image.h"
 #include "io/image/mask.h"
-#include "tests/support/ingest_fixture.h"
+#include "tests/support/files/ingest_fixture.h"
 
 namespace {
 

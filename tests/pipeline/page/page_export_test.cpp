@@ -12,10 +12,10 @@
 #include "nerf/training/trainer.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/page/page_export.h"
-#include "tests/support/ball_scene.h"
-#include "tests/support/browser.h"
-#include "tests/support/require_program.h"
-#include "tests/support/small_mlp.h"
+#include "tests/support/programs/browser.h"
+#include "tests/support/programs/require_program.h"
+#include "tests/support/scenes/ball_scene.h"
+#include "tests/support/scenes/small_mlp.h"
 
 namespace pipeline {
 namespace {

@@ -15,11 +15,11 @@
 #include <thread>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/kernels/kernels.h"
-#include "tests/support/learnable_views.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/learnable_views.h"
 
 namespace {
 

@@ -6,9 +6,9 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "tests/support/browser.h"
-#include "tests/support/require_program.h"
-#include "tests/support/sphere_run.h"
+#include "tests/support/files/sphere_run.h"
+#include "tests/support/programs/browser.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

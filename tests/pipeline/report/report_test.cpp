@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
-#include "tests/support/sphere_run.h"
+#include "tests/support/files/sphere_run.h"
 
 namespace {
 

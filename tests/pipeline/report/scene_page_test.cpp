@@ -5,7 +5,7 @@
 
 #include "io/base/atomic_file.h"
 #include "pipeline/report/report.h"
-#include "tests/support/small_run.h"
+#include "tests/support/files/small_run.h"
 
 namespace pipeline {
 namespace {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

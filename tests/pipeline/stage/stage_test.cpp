@@ -15,10 +15,10 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "io/base/parallel.h"
+#include "io/process/interrupt.h"
+#include "io/process/parallel.h"
 #include "pipeline/stage/run_record.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -18,7 +18,7 @@
 #include "io/scene/transforms.h"
 #include "pipeline/stages/scene_record.h"
 #include "pipeline/stages/stages.h"
-#include "tests/support/scene_matchers.h"
+#include "tests/support/scenes/scene_matchers.h"
 
 namespace {
 

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/stages/moved_cameras.h"
 #include "pipeline/stages/stages.h"
-#include "tests/support/sphere_field.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace {
 

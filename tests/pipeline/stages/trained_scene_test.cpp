@@ -4,7 +4,7 @@
 #include "io/base/owned_folder.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stages/stages.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace pipeline {
 namespace {

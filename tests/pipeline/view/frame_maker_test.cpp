@@ -7,7 +7,7 @@
 
 #include "nerf/rendering/keyframe_path.h"
 #include "pipeline/evaluation/evaluation.h"
-#include "tests/support/sphere_field.h"
+#include "tests/support/scenes/sphere_field.h"
 
 namespace pipeline {
 namespace {

@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "io/base/error.h"
-#include "tests/support/small_run.h"
+#include "tests/support/files/small_run.h"
 
 namespace pipeline {
 namespace {

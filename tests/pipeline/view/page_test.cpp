@@ -6,9 +6,9 @@
 #include "io/image/image.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/view/view_server.h"
-#include "tests/support/browser.h"
-#include "tests/support/require_program.h"
-#include "tests/support/small_run.h"
+#include "tests/support/files/small_run.h"
+#include "tests/support/programs/browser.h"
+#include "tests/support/programs/require_program.h"
 
 namespace pipeline {
 namespace {

@@ -13,7 +13,7 @@
 #include "io/base/error.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/stages/training_watch.h"
-#include "tests/support/small_run.h"
+#include "tests/support/files/small_run.h"
 
 namespace pipeline {
 namespace {

@@ -6,11 +6,11 @@
 #include <unistd.h>
 
 #include "io/base/error.h"
-#include "io/base/interrupt.h"
-#include "tests/support/pose_difference.h"
-#include "tests/support/sfm_bundle_problem.h"
-#include "tests/support/sfm_synthetic_model.h"
-#include "tests/support/temp_dir.h"
+#include "io/process/interrupt.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/pose_difference.h"
+#include "tests/support/scenes/sfm_bundle_problem.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

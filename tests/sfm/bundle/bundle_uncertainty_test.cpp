@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "sfm/bundle/bundle_adjustment.h"
-#include "tests/support/sfm_bundle_problem.h"
-#include "tests/support/sfm_synthetic_model.h"
+#include "tests/support/scenes/sfm_bundle_problem.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
-#include "tests/support/pose_difference.h"
-#include "tests/support/sfm_synthetic_model.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/pose_difference.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <map>
 
-#include "tests/support/sfm_synthetic_model.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include "sfm/bundle/bundle_adjustment.h"
 #include "sfm/bundle/camera_models.h"
-#include "tests/support/sfm_synthetic_model.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

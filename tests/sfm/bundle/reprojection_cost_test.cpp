@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "sfm/bundle/bundle_state.h"
-#include "tests/support/sfm_synthetic_model.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

@@ -8,9 +8,9 @@
 #include <cstdlib>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
-#include "tests/support/colmap_tables.h"
-#include "tests/support/temp_dir.h"
+#include "io/process/process.h"
+#include "tests/support/files/colmap_tables.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 

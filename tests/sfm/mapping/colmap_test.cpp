@@ -5,10 +5,10 @@
 #include <random>
 
 #include "io/base/error.h"
-#include "io/base/process.h"
 #include "io/image/image.h"
-#include "tests/support/require_program.h"
-#include "tests/support/stand_in_colmap.h"
+#include "io/process/process.h"
+#include "tests/support/programs/require_program.h"
+#include "tests/support/programs/stand_in_colmap.h"
 
 namespace {
 

@@ -3,10 +3,10 @@
 #include "sfm/mapping/mapping_attempt.h"
 
 #include "io/base/error.h"
-#include "tests/support/colmap_tables.h"
-#include "tests/support/sfm_synthetic_model.h"
-#include "tests/support/stand_in_colmap.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/colmap_tables.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/stand_in_colmap.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "sfm/scene/pose_error.h"
-#include "tests/support/sfm_synthetic_model.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "io/base/error.h"
-#include "tests/support/look_at.h"
+#include "tests/support/scenes/look_at.h"
 
 namespace {
 

@@ -8,10 +8,10 @@
 #include <limits>
 #include <set>
 
-#include "io/base/process.h"
+#include "io/process/process.h"
 #include "sfm/synthetic/synthetic_capture.h"
-#include "tests/support/require_program.h"
-#include "tests/support/temp_dir.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/require_program.h"
 
 namespace {
 

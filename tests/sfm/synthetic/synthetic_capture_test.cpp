@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/support/capture_truth.h"
+#include "tests/support/scenes/capture_truth.h"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "sfm/synthetic/synthetic_capture.h"
-#include "tests/support/capture_truth.h"
+#include "tests/support/scenes/capture_truth.h"
 
 namespace {
 

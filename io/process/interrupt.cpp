@@ -1,0 +1,55 @@
+#include "io/process/interrupt.h"
+
+#include <signal.h>
+
+#include <atomic>
+#include <mutex>
+
+namespace io {
+namespace {
+
+std::atomic<int> pending_signal = 0;  // lock-free, hence safe in a handler
+std::mutex reason_mutex;
+std::optional<Error> stop_reason;
+
+void OnSignal(int number) {
+  if (pending_signal.exchange(number) != 0) {
+    signal(number, SIG_DFL);
+    raise(number);
+  }
+}
+
+}  // namespace
+
+void InstallInterruptHandlers() {
+  struct sigaction action = {};
+  action.sa_handler = OnSignal;
+  action.sa_flags = SA_RESTART;  // libraries need not expect interrupted system calls; our loops poll
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  // A closed pipe and a file at its size limit are reported as failed writes, not by ending the process.
+  signal(SIGPIPE, SIG_IGN);
+  signal(SIGXFSZ, SIG_IGN);
+}
+
+int PendingInterrupt() { return pending_signal.load(); }
+
+void ThrowIfInterrupted() {
+  if (const int number = PendingInterrupt()) throw Interrupted(number);
+}
+
+void StopBecause(const Error& reason) {
+  {
+    const std::lock_guard lock(reason_mutex);
+    if (!stop_reason) stop_reason = reason;
+  }
+  int none = 0;
+  pending_signal.compare_exchange_strong(none, SIGTERM);
+}
+
+std::optional<Error> StopReason() {
+  const std::lock_guard lock(reason_mutex);
+  return stop_reason;
+}
+
+}  // namespace io
