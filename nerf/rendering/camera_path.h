@@ -8,7 +8,7 @@
 //           the cameras, in the order of the capture.
 //
 // Every kind averages the places of neighbouring cameras, hence stays inside their hull, and looks where they
-// looked. free_path.h then compares the path with the trained field.
+// looked. free_path.h then compares the path with the trained field, and even_path.h times it.
 #pragma once
 
 #include <string>
@@ -23,6 +23,7 @@ enum class PathKind { kOrbit, kArc, kSway, kWalk };
 struct CameraPath {
   PathKind kind = PathKind::kOrbit;
   std::vector<io::Rigid3d> world_from_cam;  // OpenGL axes
+  std::vector<double> depths;  // of each pose, how far away what it shows is; empty: not looked at
   CaptureGeometry capture;
   double arc_deg = 0;   // of an orbit or an arc: azimuth that the cameras cover
   double distance = 0;  // mean distance from the focus

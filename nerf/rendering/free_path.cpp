@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "io/base/median.h"
 
@@ -11,6 +12,8 @@ namespace {
 
 // Share of the capture's depth that is to be free before the camera: nearer things fill the picture, blurred.
 constexpr double kFreeShare = 0.25;
+// Nothing counts as nearer than this share of it: one pixel of fog before the lens is not what is looked at.
+constexpr double kNearest = 0.02;
 // Pixels a side of a look: one thing of 1/32 of the picture's width is noticed.
 constexpr int kLookSide = 32;
 // Poses that are looked at along the path, and training views to compare with.
@@ -20,6 +23,8 @@ constexpr double kSlack = 0.03, kReferenceShare = 0.9;
 // How far poses are drawn to the cameras, tried in this order; the rounds that find the nearest cluster.
 constexpr std::array<double, 4> kPulls = {0.25, 0.5, 0.75, 1};
 constexpr int kClusterRounds = 3;
+// A pull is worth leaving the way for if it takes away this share of what was too much.
+constexpr double kWorthwhile = 0.5;
 // Of the film's length over which a pull comes and goes, so that it is not seen as a jerk.
 constexpr double kPullShare = 0.04;
 
@@ -33,10 +38,12 @@ class Scout {
         camera_(
             SmallCamera(train.cameras[static_cast<std::size_t>(train.frames[0].camera_index)], kLookSide)),
         threads_(threads),
-        near_(static_cast<float>(kFreeShare * depth)) {}
+        near_(static_cast<float>(kFreeShare * depth)),
+        nearest_(kNearest * depth) {}
 
   struct Look {
     double near = 0, unobserved = 0;  // shares of the picture
+    double depth = 0;                 // harmonic mean distance
   };
 
   Look From(const io::Rigid3d& pose) const {
@@ -47,6 +54,9 @@ class Scout {
     Look look;
     for (const float opacity : close.opacity)
       look.near += static_cast<double>(opacity) / static_cast<double>(close.opacity.size());
+    double nearness = 0;
+    for (const float depth : whole.depth) nearness += 1 / std::max(nearest_, static_cast<double>(depth));
+    look.depth = static_cast<double>(whole.depth.size()) / nearness;
     if (field_.HasUnknownSpace())
       look.unobserved = support_.ObservedIn(camera_, pose, whole, threads_).UnobservedShare();
     return look;
@@ -58,6 +68,7 @@ class Scout {
   const io::Camera camera_;
   const int threads_;
   const float near_;
+  const double nearest_;
 };
 
 // How much worse a look is than what the training views permit; not above 0: fine.
@@ -99,18 +110,65 @@ io::Rigid3d NearestCluster(const std::vector<io::Rigid3d>& cameras,
   return pose;
 }
 
+// What was found at a pose that was looked at.
+struct Check {
+  double excess = 0, pull = 0;
+  double depth = 0;
+  io::Rigid3d to_cluster;  // from the pose to the nearest cluster, in the pose's own coordinates
+};
+
+// Of every `stride`th pose; with `cameras`, also how far those that are obstructed are to be drawn to them.
+std::vector<Check> CheckPoses(const CameraPath& path,
+                              int stride,
+                              const Scout& scout,
+                              const Standard& standard,
+                              const std::vector<io::Rigid3d>* cameras) {
+  std::vector<Check> checks;
+  for (std::size_t i = 0; i < path.world_from_cam.size(); i += static_cast<std::size_t>(stride)) {
+    const io::Rigid3d& pose = path.world_from_cam[i];
+    const Scout::Look look = scout.From(pose);
+    Check check{.excess = std::max(0.0, standard.Excess(look)), .depth = look.depth, .to_cluster = {}};
+    if (check.excess > 0 && cameras) {
+      const io::Rigid3d cluster = NearestCluster(*cameras, path.capture, pose);
+      check.to_cluster = pose.Inverse() * cluster;
+      double least = kWorthwhile * check.excess;
+      for (const double share : kPulls) {
+        const double excess = standard.Excess(scout.From(Between(pose, cluster, share)));
+        if (excess < least) least = excess, check.pull = share;
+        if (least <= 0) break;
+      }
+    }
+    checks.push_back(check);
+  }
+  return checks;
+}
+
+int CountObstructed(const std::vector<Check>& checks) {
+  return static_cast<int>(
+      std::count_if(checks.begin(), checks.end(), [](const Check& check) { return check.excess > 0; }));
+}
+
+double SumOfExcess(const std::vector<Check>& checks) {
+  return std::accumulate(
+      checks.begin(), checks.end(), 0.0, [](double sum, const Check& check) { return sum + check.excess; });
+}
+
+int Reach(int stride, int frames) {
+  return std::max(stride, static_cast<int>(std::lround(kPullShare * frames)));
+}
+
 // Pulls per pose, from those at the checked ones: as strong as any near it, and without steps.
-std::vector<double> Spread(const std::vector<double>& checked, int stride, int frames, bool loop) {
-  const int reach = std::max(stride, static_cast<int>(std::lround(kPullShare * frames)));
+std::vector<double> Spread(const std::vector<Check>& checks, int stride, int frames, bool loop) {
+  const int reach = Reach(stride, frames);
   const auto index = [&](int i) {
     return loop ? (i % frames + frames) % frames : std::clamp(i, 0, frames - 1);
   };
   std::vector<double> strongest(static_cast<std::size_t>(frames)), spread(static_cast<std::size_t>(frames));
-  for (std::size_t k = 0; k < checked.size(); ++k) {
+  for (std::size_t k = 0; k < checks.size(); ++k) {
     const int middle = static_cast<int>(k) * stride;
     for (int i = middle - 2 * reach; i <= middle + 2 * reach; ++i) {
       double& at = strongest[static_cast<std::size_t>(index(i))];
-      at = std::max(at, checked[k]);
+      at = std::max(at, checks[k].pull);
     }
   }
   for (int i = 0; i < frames; ++i) {
@@ -125,6 +183,45 @@ std::vector<double> Spread(const std::vector<double>& checked, int stride, int f
   return spread;
 }
 
+// Draws every pose to where the checked poses around it would be drawn in the mean. One cluster lies ahead of
+// some of them and behind others: drawn to it alone, the path would halt there and leap to the next one.
+void DrawToCameras(const std::vector<Check>& checks, int stride, CameraPath* path) {
+  const int frames = static_cast<int>(path->world_from_cam.size()), reach = Reach(stride, frames);
+  const std::vector<double> pulls = Spread(checks, stride, frames, path->IsLoop());
+  std::vector<io::Rigid3d> ways;
+  std::vector<int> places;
+  for (std::size_t k = 0; k < checks.size(); ++k) {
+    if (checks[k].pull > 0)
+      ways.push_back(checks[k].to_cluster), places.push_back(static_cast<int>(k) * stride);
+  }
+  std::vector<double> weights(ways.size());
+  for (int i = 0; i < frames; ++i) {
+    const double pull = pulls[static_cast<std::size_t>(i)];
+    if (!(pull > 0)) continue;
+    for (std::size_t k = 0; k < ways.size(); ++k) {
+      int apart = std::abs(i - places[k]);
+      if (path->IsLoop()) apart = std::min(apart, frames - apart);
+      weights[k] = std::exp(-0.5 * std::pow(static_cast<double>(apart) / reach, 2));
+    }
+    io::Rigid3d& pose = path->world_from_cam[static_cast<std::size_t>(i)];
+    pose = pose * Between({}, MeanPose(ways, weights), pull);
+  }
+}
+
+// Depths of all poses, from those that were looked at.
+std::vector<double> DepthsOf(const std::vector<Check>& checks, int stride, const CameraPath& path) {
+  std::vector<double> depths;
+  for (std::size_t i = 0; i < path.world_from_cam.size(); ++i) {
+    const double at = static_cast<double>(i) / stride;
+    const auto before = static_cast<std::size_t>(at);
+    const std::size_t after =
+        path.IsLoop() ? (before + 1) % checks.size() : std::min(before + 1, checks.size() - 1);
+    const double share = at - static_cast<double>(before);
+    depths.push_back((1 - share) * checks[before].depth + share * checks[after].depth);
+  }
+  return depths;
+}
+
 }  // namespace
 
 FreePathReport KeepFree(const TrainedField& field,
@@ -135,33 +232,21 @@ FreePathReport KeepFree(const TrainedField& field,
   const Scout scout(field, train, support, path->capture.depth, threads);
   const Standard standard(scout, train);
   const std::vector<io::Rigid3d> cameras = PosesOf(train);
-  std::vector<io::Rigid3d>& poses = path->world_from_cam;
-  const int frames = static_cast<int>(poses.size()), stride = (frames + kMaxChecks - 1) / kMaxChecks;
-  FreePathReport report;
-  std::vector<double> pulls;
-  for (int i = 0; i < frames; i += stride) {
-    const io::Rigid3d& pose = poses[static_cast<std::size_t>(i)];
-    double least = standard.Excess(scout.From(pose)), pull = 0;
-    ++report.checked;
-    if (least > 0) {
-      ++report.obstructed;
-      const io::Rigid3d cluster = NearestCluster(cameras, path->capture, pose);
-      for (const double share : kPulls) {
-        const double excess = standard.Excess(scout.From(Between(pose, cluster, share)));
-        if (excess < least) least = excess, pull = share;
-        if (least <= 0) break;
-      }
+  const int frames = static_cast<int>(path->world_from_cam.size()),
+            stride = (frames + kMaxChecks - 1) / kMaxChecks;
+  std::vector<Check> checks = CheckPoses(*path, stride, scout, standard, &cameras);
+  FreePathReport report{.checked = static_cast<int>(checks.size()), .obstructed = CountObstructed(checks)};
+  if (report.obstructed > 0) {
+    CameraPath drawn = *path;
+    DrawToCameras(checks, stride, &drawn);
+    std::vector<Check> drawn_checks = CheckPoses(drawn, stride, scout, standard, nullptr);
+    if (SumOfExcess(drawn_checks) < SumOfExcess(checks)) {
+      *path = std::move(drawn);
+      checks = std::move(drawn_checks);
     }
-    pulls.push_back(pull);
+    report.remaining = CountObstructed(checks);
   }
-  if (report.obstructed == 0) return report;
-  const std::vector<double> spread = Spread(pulls, stride, frames, path->IsLoop());
-  for (int i = 0; i < frames; ++i) {
-    io::Rigid3d& pose = poses[static_cast<std::size_t>(i)];
-    const double pull = spread[static_cast<std::size_t>(i)];
-    if (pull > 0) pose = Between(pose, NearestCluster(cameras, path->capture, pose), pull);
-    if (i % stride == 0) report.remaining += standard.Excess(scout.From(pose)) > 0;
-  }
+  path->depths = DepthsOf(checks, stride, *path);
   return report;
 }
 

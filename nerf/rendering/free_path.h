@@ -13,7 +13,9 @@ struct FreePathReport {
 };
 
 // Renders the path small. Where something is closer before the camera, or more was not observed, than in
-// nearly all training views, the path is drawn towards the training cameras, gradually along the path.
+// nearly all training views, the path is drawn towards the training cameras, gradually along the path, and
+// left as it was where that does not help. Also finds the depths of the path (even_path.h). A drawn path is
+// to be timed anew.
 FreePathReport KeepFree(const TrainedField& field,
                         const io::Scene& train,
                         const SupportMap& support,

@@ -1,7 +1,9 @@
 // Paths around a subject, and before it.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <optional>
 
 #include "io/scene/decomposition.h"
 #include "nerf/rendering/path_shapes.h"
@@ -20,6 +22,10 @@ constexpr double kOpenGap = 60 * kDeg;
 // Half-width of the azimuth average: wide enough to smooth the unsteady hand, narrower than a side of the
 // object.
 constexpr double kSmoothing = 15 * kDeg;
+// Half-width of the elevation average around the ring of a full orbit: as wide as that of the azimuth.
+constexpr double kRingWidth = 15 * kDeg;
+// Steps in which the ring is sought: a third of the half-widths.
+constexpr double kRingStep = 5 * kDeg;
 // Share of the way from the focus to where the nearby cameras looked: framed as they did it, without losing
 // the subject where they came close to a part of it.
 constexpr double kAimShare = 0.5;
@@ -90,12 +96,17 @@ struct LocalMean {
   Vector3d aim;
 };
 
-LocalMean MeanNear(const std::vector<Spherical>& cameras, double azimuth, double sigma) {
+// With a ring, of the cameras near that elevation.
+LocalMean MeanNear(const std::vector<Spherical>& cameras,
+                   double azimuth,
+                   double sigma,
+                   std::optional<double> ring) {
   double weights = 0, elevation = 0, elevation2 = 0, distance = 0;
   Vector3d aim = Vector3d::Zero();
   for (const Spherical& camera : cameras) {
     const double offset = WrapAngle(camera.azimuth - azimuth) / sigma;
-    const double weight = camera.framing * std::exp(-0.5 * offset * offset);
+    const double above = ring ? (camera.elevation - *ring) / kRingWidth : 0;
+    const double weight = camera.framing * std::exp(-0.5 * (offset * offset + above * above));
     weights += weight;
     elevation += weight * camera.elevation;
     elevation2 += weight * camera.elevation * camera.elevation;
@@ -107,6 +118,28 @@ LocalMean MeanNear(const std::vector<Spherical>& cameras, double azimuth, double
           distance / weights,
           std::sqrt(std::max(0.0, elevation2 / weights - elevation * elevation)),
           aim / weights};
+}
+
+// The elevation at which cameras stand on all sides: the mean over the azimuths of the logarithm of their
+// density is largest. The mean elevation of two rings of cameras would lie between them, where nobody stood.
+double BestRing(const std::vector<Spherical>& cameras, double sigma) {
+  double best = 0, most = -std::numeric_limits<double>::infinity();
+  const int n_elevations = static_cast<int>(kMaxElevation / kRingStep),
+            n_azimuths = static_cast<int>(std::lround(2 * kPi / kRingStep));
+  for (int e = -n_elevations; e <= n_elevations; ++e) {
+    double score = 0;
+    for (int a = 0; a < n_azimuths; ++a) {
+      double density = std::numeric_limits<double>::min();  // no logarithm of 0
+      for (const Spherical& camera : cameras) {
+        const double offset = WrapAngle(camera.azimuth - a * kRingStep) / sigma,
+                     above = (camera.elevation - e * kRingStep) / kRingWidth;
+        density += camera.framing * std::exp(-0.5 * (offset * offset + above * above));
+      }
+      score += std::log(density);
+    }
+    if (score > most) most = score, best = e * kRingStep;
+  }
+  return best;
 }
 
 }  // namespace
@@ -121,10 +154,13 @@ void FitOrbit(const std::vector<io::Rigid3d>& cameras, int frames, CameraPath* p
   path->arc_deg = closed ? 360 : arc.length / kDeg;
   const double sigma = std::max(kSmoothing, 0.5 * arc.largest_inner_gap);
   const double start = closed ? around.front().azimuth : arc.start;
+  // An arc swings up and down through all elevations; an orbit keeps to one.
+  std::optional<double> ring;
+  if (closed) ring = BestRing(around, sigma);
   for (int i = 0; i < frames; ++i) {
     const double phase = 2 * kPi * i / frames;
     const double azimuth = closed ? start + phase : start + 0.5 * arc.length * (1 - std::cos(phase));
-    const LocalMean near = MeanNear(around, azimuth, sigma);
+    const LocalMean near = MeanNear(around, azimuth, sigma, ring);
     const double lift = closed ? 0 : near.elevation_spread * std::sin(phase);
     const double elevation = std::clamp(near.elevation + lift, -kMaxElevation, kMaxElevation);
     const Vector3d direction(std::cos(elevation) * std::cos(azimuth),

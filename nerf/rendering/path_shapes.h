@@ -9,7 +9,8 @@ namespace nerf {
 
 // A subject in the middle: azimuth, elevation and distance around the focus. The path moves in azimuth;
 // elevation, distance and the point that is looked at are averages over the cameras near that azimuth,
-// weighted by a Gaussian of the azimuth difference. Sets kind (orbit or arc), poses and arc_deg.
+// weighted by a Gaussian of the azimuth difference and, for an orbit, of the elevation's from the ring that
+// has cameras on all sides. Sets kind (orbit or arc), poses and arc_deg.
 void FitOrbit(const std::vector<io::Rigid3d>& cameras, int frames, CameraPath* path);
 
 // An ellipse across the mean line of sight, within the spread of the cameras.

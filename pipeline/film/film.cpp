@@ -17,9 +17,11 @@
 #include "io/process/progress.h"
 #include "io/process/ranks.h"
 #include "io/scene/transforms.h"
+#include "nerf/rendering/even_path.h"
 #include "nerf/rendering/free_path.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/camera_path_file.h"
+#include "pipeline/film/film_check.h"
 #include "pipeline/film/support_pictures.h"
 
 namespace pipeline {
@@ -34,6 +36,8 @@ constexpr int kMinSide = 32;
 constexpr double kMinFilm_s = 6, kMaxFilm_s = 12;
 // Speed of a walk in radians of picture motion per second: a picture of usual width is crossed in 2 s.
 constexpr double kWalkSpeed = 0.5;
+// Poses of the fitted path per frame: so many straight pieces between frames leave no corner to be seen.
+constexpr int kPosesPerFrame = 4;
 // Frames whose speed is tried, at this share of the film's sides: a thousandth of the film's time.
 constexpr int kTrialFrames = 3;
 constexpr int kTrialScale = 4;
@@ -63,21 +67,6 @@ void RequireMemory(const io::Camera& camera, const FilmOptions& options) {
       fmt::format("render: a film of {} x {}", camera.width, camera.height));
 }
 
-// Outside of the crop box nothing is shown that a view could have seen.
-void DropTransparent(const nerf::RenderedView& view, nerf::ViewSupport* support) {
-  constexpr float kShown = 0.5f;  // opacity
-  for (int y = 0; y < support->height; ++y) {
-    for (int x = 0; x < support->width; ++x) {
-      const int u = (2 * x + 1) * view.width / (2 * support->width),
-                v = (2 * y + 1) * view.height / (2 * support->height);
-      const auto at = static_cast<std::size_t>(y * support->width + x);
-      if (view.opacity[static_cast<std::size_t>(v * view.width + u)] >= kShown) continue;
-      support->views[at] = 0;
-      support->angle[at] = 0;
-    }
-  }
-}
-
 // Renders and writes the frames of one film.
 class FilmMaker {
  public:
@@ -105,7 +94,7 @@ class FilmMaker {
   void ChooseSize(Film* film) const;
   void WritePath(const Film& film) const;
   // Returns the milliseconds that rendering it took, 0 when it was there.
-  double MakeFrame(int frame, const Film& film) const;
+  double MakeFrame(int frame, const Film& film, std::string* thumbnail) const;
 
  private:
   void FitPath(Film* film) const;
@@ -150,9 +139,11 @@ void FilmMaker::FitPath(Film* film) const {
     const int shortest = static_cast<int>(std::ceil(kMinFilm_s * options_.fps));
     film->frames = DefaultFrames(nerf::FitCameraPath(train_, std::max(2, shortest)), options_.fps);
   }
-  film->path = nerf::FitCameraPath(train_, std::max(2, film->frames));
+  film->path = nerf::FitCameraPath(train_, kPosesPerFrame * std::max(2, film->frames));
+  const std::vector<io::Rigid3d> fitted = film->path.world_from_cam;
   film->decisions.push_back("camera path: " + nerf::Describe(film->path));
   const nerf::FreePathReport free = nerf::KeepFree(field_, train_, support_, options_.threads, &film->path);
+  nerf::Retime(fitted, std::max(2, film->frames), &film->path);
   std::string line = fmt::format("free path: {} of {} poses were obstructed or looked where no picture did",
                                  free.obstructed,
                                  free.checked);
@@ -161,6 +152,7 @@ void FilmMaker::FitPath(Film* film) const {
   film->decisions.push_back(
       line + fmt::format("; never further than {:.0f} degrees of picture motion from a training view",
                          nerf::LargestDeparture(film->path, train_) * 180 / std::numbers::pi));
+  for (std::string& check : CheckPath(film->path)) film->decisions.push_back(std::move(check));
 }
 
 void FilmMaker::ChooseSize(Film* film) const {
@@ -216,14 +208,16 @@ void FilmMaker::WriteSupport(int frame, const nerf::ViewSupport& support, const 
                  ViewCountPicture(support, static_cast<int>(train_.frames.size()), width, height));
 }
 
-double FilmMaker::MakeFrame(int frame, const Film& film) const {
+double FilmMaker::MakeFrame(int frame, const Film& film, std::string* thumbnail) const {
   const fs::path picture_path = FramePath("frames", frame), depth_path = FramePath("depth_frames", frame),
                  support_path = FramePath("support_frames", frame);
   const bool shows_support = IsSupportFrame(frame, film.frames);
   if (fs::is_regular_file(picture_path) && (!options_.depth || fs::is_regular_file(depth_path)) &&
       (!options_.support || fs::is_regular_file(support_path)) &&
-      (!shows_support || fs::is_regular_file(SupportPicturePaths(folder_, frame).views)))
+      (!shows_support || fs::is_regular_file(SupportPicturePaths(folder_, frame).views))) {
+    *thumbnail = Thumbnail(io::ReadImage(picture_path));
     return 0;
+  }
   const auto start = std::chrono::steady_clock::now();
   const io::Rigid3d& pose = film.path.world_from_cam[static_cast<std::size_t>(frame)];
   const io::Camera camera = CameraOf(film, frame);
@@ -239,6 +233,7 @@ double FilmMaker::MakeFrame(int frame, const Film& film) const {
   if (unknown) nerf::VeilUnobserved(support, kUnseenTone, render_options_.limits.crop.has_value(), &view);
   const double ms = 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
   const io::Image picture = QuantizeView(view);
+  *thumbnail = Thumbnail(picture);
   if (options_.depth) io::WriteImage(depth_path, DepthPicture(view, train_.near, train_.far));
   if (options_.support) {
     const int n_views = static_cast<int>(train_.frames.size());
@@ -251,13 +246,16 @@ double FilmMaker::MakeFrame(int frame, const Film& film) const {
 
 void RenderFrames(const FilmMaker& maker, Film* film) {
   std::vector<double> ms(static_cast<std::size_t>(film->frames), 0);
+  std::vector<std::string> thumbnails(ms.size());
   io::Progress progress("render: film");
   for (const std::size_t i : io::OwnTasks(ms.size())) {
     io::ThrowIfInterrupted();
-    ms[i] = maker.MakeFrame(static_cast<int>(i), *film);
+    ms[i] = maker.MakeFrame(static_cast<int>(i), *film, &thumbnails[i]);
     progress.Update((static_cast<double>(i) + 1) / film->frames);
   }
   io::GatherTasks(&ms);
+  io::GatherTasks(&thumbnails);
+  for (std::string& line : CheckFrames(thumbnails)) film->decisions.push_back(std::move(line));
   film->rendered = static_cast<int>(std::count_if(ms.begin(), ms.end(), [](double t) { return t > 0; }));
   if (film->rendered > 0) film->ms_per_frame = std::accumulate(ms.begin(), ms.end(), 0.0) / film->rendered;
 }

@@ -48,6 +48,20 @@ io::Image ViewAnglePicture(const nerf::ViewSupport& support, int width, int heig
   });
 }
 
+void DropTransparent(const nerf::RenderedView& view, nerf::ViewSupport* support) {
+  constexpr float kShown = 0.5f;  // opacity
+  for (int y = 0; y < support->height; ++y) {
+    for (int x = 0; x < support->width; ++x) {
+      const int u = (2 * x + 1) * view.width / (2 * support->width),
+                v = (2 * y + 1) * view.height / (2 * support->height);
+      const auto at = static_cast<std::size_t>(y * support->width + x);
+      if (view.opacity[static_cast<std::size_t>(v * view.width + u)] >= kShown) continue;
+      support->views[at] = 0;
+      support->angle[at] = 0;
+    }
+  }
+}
+
 SupportPictures SupportPicturePaths(const fs::path& render_folder, int frame) {
   const std::string stem = fs::path(io::VideoFrameName(frame)).stem().string();
   const auto path = [&](const char* what) { return render_folder / "support" / (stem + what); };

@@ -19,6 +19,9 @@ io::Image ViewAnglePicture(const nerf::ViewSupport& support, int width, int heig
 // Depth is measured best near this angle, and few pictures match beyond it.
 inline constexpr double kLargestAngle_deg = 60;
 
+// Outside of the crop box, where the view shows nothing, nothing is shown that a view could have seen.
+void DropTransparent(const nerf::RenderedView& view, nerf::ViewSupport* support);
+
 // The pictures of render/support/ that belong to one frame of the film.
 struct SupportPictures {
   int frame = 0;                                // from 0

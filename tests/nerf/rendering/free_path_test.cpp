@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/base/median.h"
+#include "nerf/rendering/even_path.h"
 #include "tests/support/scenes/look_at.h"
 #include "tests/support/scenes/sphere_field.h"
 
@@ -68,6 +70,56 @@ TEST(FreePath, IsDrawnToTheCamerasWhereSomethingStandsBeforeIt) {
   for (std::size_t i = 1; i < poses.size(); ++i)
     largest_step = std::max(largest_step, (poses[i].translation - poses[i - 1].translation).norm());
   EXPECT_LT(largest_step, 0.15);  // of 0.034 along the path
+}
+
+// Cameras in three groups: each pose has its nearest group ahead of or behind it. The path goes on at its own
+// pace, and does not halt at a group and leap to the next one.
+TEST(FreePath, IsDrawnToTheCamerasEvenlyWhereTheyStandInGroups) {
+  Capture capture(0.8);
+  capture.train.frames.clear();
+  for (const double group : {0.2, 1.0, 1.8}) {
+    for (int i = 0; i < 6; ++i)
+      capture.train.frames.push_back({"", 0, Capture::Facing(group + 0.01 * i, 0.01 * (i % 2)), {}});
+  }
+  const std::vector<io::Rigid3d> fitted = capture.path.world_from_cam;
+  const BoardField field;
+  const nerf::SupportMap support(field, capture.train, 1);
+  const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 1, &capture.path);
+  EXPECT_GT(report.obstructed, 20);
+  EXPECT_EQ(report.remaining, 0);
+  const std::vector<io::Rigid3d>& poses = capture.path.world_from_cam;
+  for (std::size_t i = 1; i < poses.size(); ++i)
+    EXPECT_LT(poses[i].translation.x() - poses[i - 1].translation.x(), 0.1) << i;  // of 0.034 along the path
+  ASSERT_EQ(capture.path.depths.size(), poses.size());
+  for (const double depth : capture.path.depths) EXPECT_TRUE(depth > 1 && depth < 7) << depth;
+  nerf::Retime(fitted, 60, &capture.path);
+  const std::vector<double> steps = nerf::StepsOf(capture.path);
+  EXPECT_LT(*std::max_element(steps.begin(), steps.end()), 2 * io::Median(steps));
+}
+
+// Boards everywhere: nowhere is it better, and the path stays.
+TEST(FreePath, StaysWhereTheCamerasSeeNoMore) {
+  class Fog : public tests::SphereField {
+   public:
+    nerf::RenderedView Render(const io::Camera& camera,
+                              const io::Rigid3d& pose,
+                              const nerf::RenderOptions& options) const override {
+      nerf::RenderedView view = SphereField::Render(camera, pose, options);
+      const bool at_camera =
+          std::abs(pose.translation.z()) < 1e-6 && std::abs(std::remainder(pose.translation.x(), 0.1)) < 1e-6;
+      if (!at_camera) std::fill(view.opacity.begin(), view.opacity.end(), 1.f);
+      return view;
+    }
+  };
+  Capture capture(0.8);
+  const std::vector<io::Rigid3d> fitted = capture.path.world_from_cam;
+  const Fog field;
+  const nerf::SupportMap support(field, capture.train, 1);
+  const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 1, &capture.path);
+  EXPECT_EQ(report.obstructed, 60);
+  EXPECT_EQ(report.remaining, 60);
+  for (std::size_t i = 0; i < fitted.size(); ++i)
+    EXPECT_EQ(capture.path.world_from_cam[i].translation, fitted[i].translation);
 }
 
 }  // namespace

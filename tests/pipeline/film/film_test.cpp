@@ -64,6 +64,24 @@ TEST_F(FilmTest, FilmAndDepthHaveAllFramesAndEvenSize) {
   EXPECT_GT(centre[2], centre[0]);  // 3 units away in [2, 6]: the blue end
 }
 
+TEST_F(FilmTest, HowEvenThePathIsIsSaidAndAFaultOfAFrameNamed) {
+  options_.frames = 24;
+  const auto says = [&](const char* text) {
+    const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
+    return std::any_of(film.decisions.begin(), film.decisions.end(), [&](const std::string& line) {
+      return line.find(text) != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(says("even path: the largest step"));
+  EXPECT_FALSE(says("warning"));
+  // Frames that are kept are looked at too.
+  const fs::path frame = folder_ / "frames" / "000012.png";
+  io::Image veiled = io::ReadImage(frame);
+  std::fill(veiled.data.begin(), veiled.data.end(), 22);
+  io::WriteImage(frame, veiled);
+  EXPECT_TRUE(says("warning: unlike the frames before and after it: frame 12"));
+}
+
 TEST_F(FilmTest, RaysPerPixelReachTheField) {
   options_.pixel_rays = 9;
   const SphereField field;
