@@ -208,6 +208,15 @@ void DrawToCameras(const std::vector<Check>& checks, int stride, CameraPath* pat
   }
 }
 
+std::vector<Check> DrawAndCheck(const std::vector<Check>& checks,
+                                int stride,
+                                const Scout& scout,
+                                const Standard& standard,
+                                CameraPath* path) {
+  DrawToCameras(checks, stride, path);
+  return CheckPoses(*path, stride, scout, standard, nullptr);
+}
+
 // Depths of all poses, from those that were looked at.
 std::vector<double> DepthsOf(const std::vector<Check>& checks, int stride, const CameraPath& path) {
   std::vector<double> depths;
@@ -238,8 +247,13 @@ FreePathReport KeepFree(const TrainedField& field,
   FreePathReport report{.checked = static_cast<int>(checks.size()), .obstructed = CountObstructed(checks)};
   if (report.obstructed > 0) {
     CameraPath drawn = *path;
-    DrawToCameras(checks, stride, &drawn);
-    std::vector<Check> drawn_checks = CheckPoses(drawn, stride, scout, standard, nullptr);
+    std::vector<Check> drawn_checks = DrawAndCheck(checks, stride, scout, standard, &drawn);
+    // What neighbours, which are drawn elsewhere, keep from getting better stays on the way.
+    for (std::size_t k = 0; k < checks.size(); ++k) {
+      if (drawn_checks[k].excess > kWorthwhile * checks[k].excess) checks[k].pull = 0;
+    }
+    drawn = *path;
+    drawn_checks = DrawAndCheck(checks, stride, scout, standard, &drawn);
     if (SumOfExcess(drawn_checks) < SumOfExcess(checks)) {
       *path = std::move(drawn);
       checks = std::move(drawn_checks);
