@@ -102,6 +102,18 @@ TEST(EvenPath, LeapsAreTimedAnew) {
   EXPECT_NEAR((path.world_from_cam[0].translation - fitted[0].translation).norm(), 0, 1e-9);
 }
 
+TEST(EvenPath, AFasterPartOfTheFittedPathIsSlower) {
+  CameraPath path;
+  path.kind = PathKind::kWalk;
+  path.capture.depth = 4;
+  for (int i = 0; i < 360; ++i)
+    path.world_from_cam.push_back(Around(i < 240 ? 0.5 * i : 120 + 2 * (i - 240), 20, 4));
+  EXPECT_NEAR(LargestInMedians(path), 4, 0.01);
+  const std::vector<io::Rigid3d> fitted = path.world_from_cam;
+  nerf::Retime(fitted, kFrames, &path);
+  EXPECT_LT(LargestInMedians(path), 2);
+}
+
 TEST(EvenPath, AnEvenPathStaysAsItIs) {
   std::vector<io::Rigid3d> fitted;
   CameraPath path = Leaping(&fitted);

@@ -97,29 +97,38 @@ TEST(FreePath, IsDrawnToTheCamerasEvenlyWhereTheyStandInGroups) {
   EXPECT_LT(*std::max_element(steps.begin(), steps.end()), 2 * io::Median(steps));
 }
 
-// Boards everywhere: nowhere is it better, and the path stays.
-TEST(FreePath, StaysWhereTheCamerasSeeNoMore) {
+// The view is free at the cameras alone, which stand in groups close together: every pose would see more from
+// its nearest group, and hardly one where it would be drawn in the mean.
+TEST(FreePath, StaysOnItsWayWhereDrawingItDoesNotHelp) {
+  constexpr double kApart = 0.14, kFirst = 0.05;
   class Fog : public tests::SphereField {
    public:
     nerf::RenderedView Render(const io::Camera& camera,
                               const io::Rigid3d& pose,
                               const nerf::RenderOptions& options) const override {
       nerf::RenderedView view = SphereField::Render(camera, pose, options);
-      const bool at_camera =
-          std::abs(pose.translation.z()) < 1e-6 && std::abs(std::remainder(pose.translation.x(), 0.1)) < 1e-6;
-      if (!at_camera) std::fill(view.opacity.begin(), view.opacity.end(), 1.f);
+      const Vector3d& place = pose.translation;
+      const bool at_group = std::abs(std::remainder(place.x() - kFirst, kApart)) < 3e-4 && place.z() < 0.1;
+      if (!at_group) std::fill(view.opacity.begin(), view.opacity.end(), 1.f);
       return view;
     }
   };
   Capture capture(0.8);
-  const std::vector<io::Rigid3d> fitted = capture.path.world_from_cam;
+  capture.train.frames.clear();
+  for (int i = 0; i < 60; ++i)
+    capture.train.frames.push_back(
+        {"", 0, Capture::Facing(kFirst + kApart * (i / 4) + 5e-5 * (i % 4), 0), {}});
+  capture.path.capture = nerf::MeasureCapture(capture.train);
   const Fog field;
   const nerf::SupportMap support(field, capture.train, 1);
   const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 1, &capture.path);
   EXPECT_EQ(report.obstructed, 60);
-  EXPECT_EQ(report.remaining, 60);
-  for (std::size_t i = 0; i < fitted.size(); ++i)
-    EXPECT_EQ(capture.path.world_from_cam[i].translation, fitted[i].translation);
+  // Some stand before a group, are drawn, and their neighbours with them; the others stay.
+  EXPECT_GE(report.remaining, 55);
+  EXPECT_GT(std::count_if(capture.path.world_from_cam.begin(),
+                          capture.path.world_from_cam.end(),
+                          [](const io::Rigid3d& pose) { return pose.translation.z() == 0.8; }),
+            10);
 }
 
 }  // namespace
