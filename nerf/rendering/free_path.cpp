@@ -208,6 +208,7 @@ void DrawToCameras(const std::vector<Check>& checks, int stride, CameraPath* pat
   }
 }
 
+// What is found after drawing.
 std::vector<Check> DrawAndCheck(const std::vector<Check>& checks,
                                 int stride,
                                 const Scout& scout,

@@ -36,8 +36,9 @@ constexpr int kMinSide = 32;
 constexpr double kMinFilm_s = 6, kMaxFilm_s = 12;
 // Speed of a walk in radians of picture motion per second: a picture of usual width is crossed in 2 s.
 constexpr double kWalkSpeed = 0.5;
-// Poses of the fitted path per frame: so many straight pieces between frames leave no corner to be seen.
-constexpr int kPosesPerFrame = 4;
+// Poses of the path before it is timed, eight per frame of the shortest default film: what is slowed down is
+// made of several of them, and no corner is seen where they meet.
+constexpr int kFewestPoses = 1440;
 // Frames whose speed is tried, at this share of the film's sides: a thousandth of the film's time.
 constexpr int kTrialFrames = 3;
 constexpr int kTrialScale = 4;
@@ -93,7 +94,7 @@ class FilmMaker {
   void FindPath(Film* film) const;
   void ChooseSize(Film* film) const;
   void WritePath(const Film& film) const;
-  // Returns the milliseconds that rendering it took, 0 when it was there.
+  // Returns the milliseconds that rendering it took, 0 when it was there; the thumbnail for CheckFrames().
   double MakeFrame(int frame, const Film& film, std::string* thumbnail) const;
 
  private:
@@ -139,7 +140,7 @@ void FilmMaker::FitPath(Film* film) const {
     const int shortest = static_cast<int>(std::ceil(kMinFilm_s * options_.fps));
     film->frames = DefaultFrames(nerf::FitCameraPath(train_, std::max(2, shortest)), options_.fps);
   }
-  film->path = nerf::FitCameraPath(train_, kPosesPerFrame * std::max(2, film->frames));
+  film->path = nerf::FitCameraPath(train_, std::max(kFewestPoses, film->frames));
   const std::vector<io::Rigid3d> fitted = film->path.world_from_cam;
   film->decisions.push_back("camera path: " + nerf::Describe(film->path));
   const nerf::FreePathReport free = nerf::KeepFree(field_, train_, support_, options_.threads, &film->path);
