@@ -98,6 +98,7 @@ StageRun::StageRun(const std::string& stage_name,
   const std::string origin = VersionsJson().dump() + "\n" + key_text;
   if (!leads_) {
     Follow(origin);
+    io::FromFirst(true);  // the folder is there
     return;
   }
 
@@ -115,6 +116,7 @@ StageRun::StageRun(const std::string& stage_name,
     OpenPartial(keep_partial && !common.force);
     Record("running", Json::object());
   }
+  io::FromFirst(true);
 }
 
 // Rank 0 does what concerns files; all others must be about to compute the same.
