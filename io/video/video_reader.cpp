@@ -5,11 +5,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "io/base/error.h"
+#include "io/base/memory.h"
 #include "io/image/media_type.h"
 #include "io/image/photo.h"
 #include "io/video/mp4_boxes.h"
@@ -70,11 +72,13 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 1);
   // The descriptor's name hides the file's own name, in which FFmpeg would see protocols and number patterns.
   bool opened = false;
+  errno = 0;
   try {
     opened = s.capture.open(fmt::format("/proc/self/fd/{}", s.fd), cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {
   }
   if (!opened) {
+    ThrowIfMemoryWasRefused();
     Refuse(
         path, "no video stream in it that can be decoded", "Check that it plays; convert it to H.264 in MP4");
   }

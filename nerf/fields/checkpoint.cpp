@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -11,6 +12,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/hash.h"
+#include "io/base/memory.h"
 
 namespace nerf {
 namespace {
@@ -92,10 +94,14 @@ std::string TextIn(const Json& json, const char* key) {
 
 // A checkpoint's file. Tensors are read to where they belong: all of it would be in memory twice.
 struct CheckpointFile {
-  explicit CheckpointFile(const std::filesystem::path& path) : in(path, std::ios::binary) {
+  explicit CheckpointFile(const std::filesystem::path& path) {
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error) || !in)
+    errno = 0;
+    in.open(path, std::ios::binary);
+    if (!std::filesystem::is_regular_file(path, error) || !in) {
+      io::ThrowIfMemoryWasRefused();
       throw Error(ExitCode::kBadInput, path.string() + ": no such file");
+    }
     size = std::filesystem::file_size(path);
   }
   // The first bytes, at most `count`.

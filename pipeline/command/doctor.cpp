@@ -1,6 +1,8 @@
 // `pipeline doctor`: what this computer offers, what is missing, and how to get it.
-#include <cstdio>
+#include <fmt/format.h>
+
 #include <cstdlib>
+#include <utility>
 
 #include "io/base/error.h"
 #include "nerf/kernels/kernels.h"
@@ -17,19 +19,19 @@ namespace {
 constexpr double kSlowSgemmGflops = 60;
 
 template <typename... Values>
-void Row(const char* name, const char* format, Values... values) {
-  std::printf("%-9s", name);
-  std::printf(format, values...);
-  std::printf("\n");
+void Row(const char* name, fmt::format_string<Values...> format, Values&&... values) {
+  fmt::print("{:<9}", name);
+  fmt::print(format, std::forward<Values>(values)...);
+  fmt::print("\n");
 }
 
 // Prints the program's row; true when it can serve.
 bool Report(const char* name, const Program& program, const char* package) {
   if (program.fault.empty()) {
-    Row(name, "%s (%s)", program.version.c_str(), program.path.c_str());
+    Row(name, "{} ({})", program.version, program.path.string());
     return true;
   }
-  Row(name, "%s %s: apt install %s", program.path.c_str(), program.fault.c_str(), package);
+  Row(name, "{} {}: apt install {}", program.path.string(), program.fault, package);
   return false;
 }
 
@@ -44,22 +46,22 @@ int RunDoctor(int argc, const char* const* argv) {
     if (!options.Parse(argc, argv)) return;
 
     const Machine machine = DescribeMachine();
-    Row("CPU", "%s, %d cores", machine.cpu.c_str(), machine.cores);
+    Row("CPU", "{}, {} cores", machine.cpu, machine.cores);
     Row("SIMD",
-        "%s kernels%s, bfloat16 %s",
-        machine.kernels.c_str(),
+        "{} kernels{}, bfloat16 {}",
+        machine.kernels,
         std::getenv("PIPELINE_SIMD") ? " (PIPELINE_SIMD is set)" : "",
         machine.has_bf16 ? "in hardware" : "widened to float, which costs time");
-    Row("memory", "%.1f GiB, %.1f free", machine.memory_gib, machine.memory_available_gib);
+    Row("memory", "{:.1f} GiB, {:.1f} free", machine.memory_gib, machine.memory_available_gib);
     std::error_code error;
     const auto space = std::filesystem::space(out, error);
     if (error) throw io::Error(io::ExitCode::kBadInput, out.string() + ": " + error.message());
-    Row("disk", "%.1f GiB free", static_cast<double>(space.available) / (1 << 30));
+    Row("disk", "{:.1f} GiB free", static_cast<double>(space.available) / (1 << 30));
     const double gflops = MeasureSgemmGflops();
     Row("BLAS",
-        "%s with %s kernels, %d threads, sgemm %.0f GFLOP/s",
-        machine.blas.c_str(),
-        machine.blas_kernels.c_str(),
+        "{} with {} kernels, {} threads, sgemm {:.0f} GFLOP/s",
+        machine.blas,
+        machine.blas_kernels,
         machine.blas_threads,
         gflops);
     if (nerf::kernels::FindKernels("avx512") &&
@@ -77,7 +79,7 @@ int RunDoctor(int argc, const char* const* argv) {
       const std::string missing = has_colmap ? "ffmpeg" : has_ffmpeg ? "COLMAP" : "COLMAP and ffmpeg";
       throw io::Error(io::ExitCode::kMissingTool, missing + " cannot be used", "Install as shown above");
     }
-    std::printf("all that is needed is here\n");
+    fmt::print("all that is needed is here\n");
   });
 }
 
