@@ -142,7 +142,7 @@ void CameraRefinement::EndWindow(std::size_t view) {
   const double n = WindowSteps(view);
   const Vector6d mean = sum.cast<double>() / n, variance = squares.cast<double>() / n - mean.cwiseAbs2();
   const double t2 = (kMinWindow * mean.cwiseAbs2().array() / (variance.array() + kTinyVariance)).mean();
-  IsMoving(view) = t2 > kMovingT * kMovingT ? 1.f : 0.f;
+  PulledWindows(view) = t2 > kMovingT * kMovingT ? std::min(PulledWindows(view) + 1, kMovingWindows) : 0.f;
   sum.setZero(), squares.setZero();
   WindowSteps(view) = 0;
 }
@@ -155,7 +155,7 @@ void CameraRefinement::Step(std::uint64_t n_steps,
     const Vector6d gradient = preconditioners_[v] * gradients[v];
     Values(v, kSum) += gradient.cast<float>();
     Values(v, kSquares) += gradient.cwiseAbs2().cast<float>();
-    if (IsMoving(v) > 0) Move(v, learning_rate, gradient);
+    if (PulledWindows(v) >= kMovingWindows) Move(v, learning_rate, gradient);
     if (++WindowSteps(v) >= std::max(kMinWindow, kWindowShare * static_cast<double>(n_steps))) EndWindow(v);
   }
 }

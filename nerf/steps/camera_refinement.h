@@ -11,9 +11,9 @@
 //   t^2 = mean over the six parameters of 100 mean(g)^2 / var(g),
 // at most about 1 where the mean is zero. It counts 100 steps, those of the shortest window, also in longer
 // ones, so that long runs do not move views for pulls that hardly show.
-// A view moves, by Adam, during the windows that follow one with t > kMovingT. So poses that are right to
-// what the pictures can tell stay as they are, bit for bit, and those that are not move until nothing pulls
-// any more.
+// A view moves, by Adam, during the windows that follow kMovingWindows in a row with t > kMovingT. So poses
+// that are right to what the pictures can tell stay as they are, bit for bit, and those that are not move
+// until nothing pulls any more.
 #pragma once
 
 #include <Eigen/Core>
@@ -33,9 +33,10 @@ using UnitGradients = std::array<std::vector<float>, 3>;
 
 class CameraRefinement {
  public:
-  // By chance a right pose has a larger t in one of 2000 windows of 100 steps, and hardly ever in longer
-  // ones.
+  // Right poses of real captures have a larger t in about one of 300 windows, too often for hundreds of
+  // views: each would be moved by noise, by up to a pixel. Two windows in a row have it in one of 10^5.
   static constexpr double kMovingT = 2;
+  static constexpr float kMovingWindows = 2;
 
   // The views of `dataset` are the frames of `scene`, and move; both must outlive the refinement. state: of
   // earlier steps, or empty.
@@ -71,7 +72,8 @@ class CameraRefinement {
     return Eigen::Map<Eigen::Matrix<float, 6, 1>>(&(*state_)[view * kValues + 6 * row]);
   }
   float& AdamSteps(std::size_t view) const { return (*state_)[view * kValues + 6 * kRows]; }
-  float& IsMoving(std::size_t view) const { return (*state_)[view * kValues + 6 * kRows + 1]; }
+  // The last windows in a row that had t > kMovingT, as far as they count.
+  float& PulledWindows(std::size_t view) const { return (*state_)[view * kValues + 6 * kRows + 1]; }
   float& WindowSteps(std::size_t view) const { return (*state_)[view * kValues + 6 * kRows + 2]; }
 
   const io::Camera& CameraOf(std::size_t view) const;
