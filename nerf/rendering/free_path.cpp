@@ -14,6 +14,8 @@ namespace {
 constexpr double kFreeShare = 0.25;
 // Nothing counts as nearer than this share of it: one pixel of fog before the lens is not what is looked at.
 constexpr double kNearest = 0.02;
+// Nor as farther than so many times it: from there on, sky included, hardly anything moves.
+constexpr double kFarthest = 50;
 // Pixels a side of a look: one thing of 1/32 of the picture's width is noticed.
 constexpr int kLookSide = 32;
 // Poses that are looked at along the path, and training views to compare with.
@@ -39,7 +41,8 @@ class Scout {
             SmallCamera(train.cameras[static_cast<std::size_t>(train.frames[0].camera_index)], kLookSide)),
         threads_(threads),
         near_(static_cast<float>(kFreeShare * depth)),
-        nearest_(kNearest * depth) {}
+        nearest_(kNearest * depth),
+        farthest_(kFarthest * depth) {}
 
   struct Look {
     double near = 0, unobserved = 0;  // shares of the picture
@@ -55,7 +58,8 @@ class Scout {
     for (const float opacity : close.opacity)
       look.near += static_cast<double>(opacity) / static_cast<double>(close.opacity.size());
     double nearness = 0;
-    for (const float depth : whole.depth) nearness += 1 / std::max(nearest_, static_cast<double>(depth));
+    for (const float depth : whole.depth)
+      nearness += 1 / std::min(farthest_, std::max(nearest_, static_cast<double>(depth)));
     look.depth = static_cast<double>(whole.depth.size()) / nearness;
     if (field_.HasUnknownSpace())
       look.unobserved = support_.ObservedIn(camera_, pose, whole, threads_).UnobservedShare();
@@ -68,7 +72,7 @@ class Scout {
   const io::Camera camera_;
   const int threads_;
   const float near_;
-  const double nearest_;
+  const double nearest_, farthest_;
 };
 
 // How much worse a look is than what the training views permit; not above 0: fine.

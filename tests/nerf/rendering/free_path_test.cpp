@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "io/base/median.h"
 #include "nerf/rendering/even_path.h"
@@ -95,6 +96,25 @@ TEST(FreePath, IsDrawnToTheCamerasEvenlyWhereTheyStandInGroups) {
   nerf::Retime(fitted, 60, &capture.path);
   const std::vector<double> steps = nerf::StepsOf(capture.path);
   EXPECT_LT(*std::max_element(steps.begin(), steps.end()), 2 * io::Median(steps));
+}
+
+TEST(FreePath, DepthsAreFiniteBeforeAnEmptySky) {
+  class Sky : public tests::SphereField {
+   public:
+    nerf::RenderedView Render(const io::Camera& camera,
+                              const io::Rigid3d& pose,
+                              const nerf::RenderOptions& options) const override {
+      nerf::RenderedView view = SphereField::Render(camera, pose, options);
+      std::fill(view.depth.begin(), view.depth.end(), std::numeric_limits<float>::infinity());
+      return view;
+    }
+  };
+  Capture capture(0.3);
+  const Sky field;
+  const nerf::SupportMap support(field, capture.train, 1);
+  nerf::KeepFree(field, capture.train, support, 1, &capture.path);
+  ASSERT_EQ(capture.path.depths.size(), capture.path.world_from_cam.size());
+  for (const double depth : capture.path.depths) ASSERT_TRUE(std::isfinite(depth)) << depth;
 }
 
 // The view is free at the cameras alone, which stand in groups close together: every pose would see more from
