@@ -19,6 +19,7 @@
 #include "nerf/kernels/hash_grid_kernels.h"
 #include "nerf/kernels/march.h"
 #include "nerf/kernels/splat_blending.h"
+#include "nerf/kernels/splat_projection.h"
 
 namespace nerf::kernels {
 
@@ -108,6 +109,8 @@ struct Kernels {
 
   MarchFunction march;
 
+  ProjectSplatsFunction project_splats;
+  ProjectSplatsGradientFunction project_splats_gradient;
   BlendSplatsFunction blend_splats;
   BlendSplatsGradientFunction blend_splats_gradient;
 

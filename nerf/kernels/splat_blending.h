@@ -4,7 +4,8 @@
 //   rgb += transmittance alpha colour,  transmittance *= 1 - alpha,
 // until the transmittance is below 1e-4: the constants of the reference implementation. Against exact
 // arithmetic, colours in [0, 1] and transmittances err by less than 1e-5, gradients by 0.2 % and 2e-3 of what
-// a pixel's gradient of 1 makes (tests/nerf/kernels/splats_test.cpp), but where a threshold is crossed.
+// a pixel's gradient of 1 makes (tests/nerf/kernels/splat_blending_test.cpp), but where a threshold is
+// crossed.
 #pragma once
 
 namespace nerf::kernels {
@@ -14,11 +15,12 @@ inline constexpr float kMaxSplatAlpha = 0.99f, kMinSplatAlpha = 1.f / 255.f, kOp
 
 template <typename Scalar>
 struct BlendedSplatOf {
-  Scalar x, y;              // middle [px], pixel centres at 0.5
-  Scalar a, b, c;           // inverse covariance [1 / px^2]
-  Scalar opacity;           // in [1 / 255, 1]
-  Scalar rgb[3];            // >= 0
-  Scalar reach_x, reach_y;  // alpha is below 1 / 255 farther away than this [px]
+  Scalar x, y;                  // middle [px], pixel centres at 0.5
+  Scalar a, b, c;               // inverse covariance [1 / px^2]
+  Scalar opacity;               // in [1 / 255, 1]
+  Scalar rgb[3];                // >= 0
+  Scalar reach_x, reach_y;      // alpha is below 1 / 255 farther away than this [px] ...
+  Scalar max_distance_squared;  // ... and where a dx^2 + 2 b dx dy + c dy^2 is above this: 2 ln(255 opacity)
 };
 using BlendedSplat = BlendedSplatOf<float>;
 
@@ -33,13 +35,13 @@ using BlendSplatsFunction =
     void (*)(const BlendedSplat* splats, int n, int x, int y, float* rgb, float* transmittance);
 
 // gradients[n] for rgb_gradient [3][16][16], the gradient of the loss by the picture. to_come: [16][16], the
-// product of that gradient with the finished colour of each pixel, background included; used up.
+// product of that gradient with the finished colour of each pixel, background included.
 using BlendSplatsGradientFunction = void (*)(const BlendedSplat* splats,
                                              int n,
                                              int x,
                                              int y,
                                              const float* rgb_gradient,
-                                             float* to_come,
+                                             const float* to_come,
                                              BlendedSplatGradient* gradients);
 
 }  // namespace nerf::kernels

@@ -12,6 +12,8 @@ using kernels::kTilePixels;
 using kernels::kTileSide;
 
 constexpr int kSplatsPerPiece = 2048;
+// Splats that the projection is given at once.
+constexpr std::size_t kProjectedAtOnce = 128;
 
 // Calls work(begin, end) on pieces of n whose size does not depend on the threads.
 template <typename Work>
@@ -21,6 +23,14 @@ void ForEachPiece(io::Workers* workers, std::size_t n, const Work& work) {
     const std::size_t begin = static_cast<std::size_t>(task) * kSplatsPerPiece;
     work(begin, std::min(n, begin + kSplatsPerPiece));
   });
+}
+
+kernels::SplatArrays<const float> ArraysOf(const Splats& splats) {
+  return {splats.places.data(),
+          splats.log_scales.data(),
+          splats.rotations.data(),
+          splats.opacities.data(),
+          splats.colours.data()};
 }
 
 void Add(const kernels::BlendedSplatGradient& from, kernels::BlendedSplatGradient* sum) {
@@ -49,19 +59,24 @@ struct SplatRasteriser::Tile {
   }
 };
 
-void SplatRasteriser::Place(const Splats& splats, const SplatView& view, bool keep_projections) {
+void SplatRasteriser::Place(const Splats& splats, const SplatView& view) {
   placed_.resize(splats.size());
-  if (keep_projections) projections_.resize(splats.size());
-  camera_.emplace(view);
+  camera_ = CameraOf(view);
+  const kernels::SplatArrays<const float> arrays = ArraysOf(splats);
   ForEachPiece(workers_, splats.size(), [&](std::size_t begin, std::size_t end) {
-    SplatProjection passing;
-    for (std::size_t i = begin; i < end; ++i) {
-      placed_[i] = {};
-      SplatProjection& projection = keep_projections ? projections_[i] : passing;
-      if (!projection.Project(*camera_, splats, i)) continue;
-      placed_[i].blended = projection.blended();
-      placed_[i].depth = projection.depth();
-      TileLists::SetTiles(view.camera.width, view.camera.height, &placed_[i]);
+    kernels::BlendedSplat blended[kProjectedAtOnce];
+    float depths[kProjectedAtOnce];
+    for (std::size_t first = begin; first < end; first += kProjectedAtOnce) {
+      const std::size_t n = std::min(kProjectedAtOnce, end - first);
+      kernels::ActiveKernels().project_splats(
+          camera_, arrays, static_cast<int>(first), static_cast<int>(n), blended, depths);
+      for (std::size_t i = 0; i < n; ++i) {
+        PlacedSplat& placed = placed_[first + i];
+        placed = {};
+        if (depths[i] == 0) continue;
+        placed.blended = blended[i], placed.depth = depths[i];
+        TileLists::SetTiles(view.camera.width, view.camera.height, &placed);
+      }
     }
   });
   lists_.Build(view.camera.width, view.camera.height, placed_, workers_);
@@ -87,7 +102,7 @@ void SplatRasteriser::BlendTile(int index, const io::Camera& camera, Tile* tile)
 
 SplatPicture SplatRasteriser::Render(const Splats& splats, const SplatView& view) {
   const io::Camera& camera = view.camera;
-  Place(splats, view, false);
+  Place(splats, view);
   const std::size_t n = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
   SplatPicture picture{.rgb = std::vector<float>(3 * n), .transmittance = std::vector<float>(n)};
   std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
@@ -137,16 +152,37 @@ double SplatRasteriser::PullBackTile(int index,
   return squares;
 }
 
-void SplatRasteriser::PullBackSplats(std::size_t n_splats, Splats* gradient) {
-  ForEachPiece(workers_, n_splats, [&](std::size_t begin, std::size_t end) {
+// Over the tiles of a splat that is seen.
+kernels::BlendedSplatGradient SplatRasteriser::SumOfSlots(std::size_t splat) const {
+  const std::uint32_t first = lists_.FirstSlot(splat), end = first + placed_[splat].n_tiles();
+  kernels::BlendedSplatGradient sum = slots_[first];
+  for (std::uint32_t slot = first + 1; slot < end; ++slot) Add(slots_[slot], &sum);
+  return sum;
+}
+
+void SplatRasteriser::PullBackSplats(const Splats& splats, Splats* gradient) {
+  const kernels::SplatArrays<const float> arrays = ArraysOf(splats);
+  const kernels::SplatArrays<float> gradients = {gradient->places.data(),
+                                                 gradient->log_scales.data(),
+                                                 gradient->rotations.data(),
+                                                 gradient->opacities.data(),
+                                                 gradient->colours.data()};
+  ForEachPiece(workers_, splats.size(), [&](std::size_t begin, std::size_t end) {
+    std::uint32_t seen[kProjectedAtOnce];
+    kernels::BlendedSplatGradient sums[kProjectedAtOnce];
+    std::size_t n = 0;
+    const auto pull_back = [&] {
+      kernels::ActiveKernels().project_splats_gradient(
+          camera_, arrays, seen, static_cast<int>(n), sums, gradients);
+      n = 0;
+    };
     for (std::size_t i = begin; i < end; ++i) {
-      const std::uint32_t n = placed_[i].n_tiles();
-      if (n == 0) continue;
-      const std::uint32_t first = lists_.FirstSlot(i);
-      kernels::BlendedSplatGradient sum = {};
-      for (std::uint32_t slot = first; slot < first + n; ++slot) Add(slots_[slot], &sum);
-      projections_[i].PullBack(sum, i, gradient);
+      if (placed_[i].n_tiles() == 0) continue;
+      sums[n] = SumOfSlots(i);
+      seen[n++] = static_cast<std::uint32_t>(i);
+      if (n == kProjectedAtOnce) pull_back();
     }
+    if (n > 0) pull_back();
   });
 }
 
@@ -155,7 +191,7 @@ double SplatRasteriser::Gradient(const Splats& splats,
                                  const std::array<float, 3>& background,
                                  Splats* gradient) {
   const io::Camera& camera = target.view.camera;
-  Place(splats, target.view, true);
+  Place(splats, target.view);
   slots_.resize(lists_.n_slots());
   std::vector<double> squares(static_cast<std::size_t>(lists_.n_tiles()));
   std::vector<Tile> tiles(static_cast<std::size_t>(workers_->n_threads()));
@@ -164,7 +200,7 @@ double SplatRasteriser::Gradient(const Splats& splats,
     BlendTile(index, camera, &tile);
     squares[static_cast<std::size_t>(index)] = PullBackTile(index, target, background, &tile);
   });
-  PullBackSplats(splats.size(), gradient);
+  PullBackSplats(splats, gradient);
   return std::accumulate(squares.begin(), squares.end(), 0.0) / (3.0 * camera.width * camera.height);
 }
 

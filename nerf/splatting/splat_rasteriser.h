@@ -4,11 +4,9 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "io/process/parallel.h"
-#include "nerf/splatting/splat_projection.h"
 #include "nerf/splatting/splats.h"
 #include "nerf/splatting/tile_lists.h"
 
@@ -44,20 +42,19 @@ class SplatRasteriser {
 
  private:
   struct Tile;
-  // Keeps the projections of what is seen for the gradient, if asked to.
-  void Place(const Splats& splats, const SplatView& view, bool keep_projections);
+  void Place(const Splats& splats, const SplatView& view);
   void BlendTile(int index, const io::Camera& camera, Tile* tile);
   // Fills the slots of a blended tile and returns its sum of squared differences.
   double PullBackTile(int index,
                       const SplatTarget& target,
                       const std::array<float, 3>& background,
                       Tile* tile);
-  void PullBackSplats(std::size_t n_splats, Splats* gradient);
+  void PullBackSplats(const Splats& splats, Splats* gradient);
+  kernels::BlendedSplatGradient SumOfSlots(std::size_t splat) const;
 
   io::Workers* workers_;
-  std::optional<SplatCamera> camera_;
+  kernels::SplatCamera camera_ = {};
   std::vector<PlacedSplat> placed_;
-  std::vector<SplatProjection> projections_;
   TileLists lists_;
   std::vector<kernels::BlendedSplatGradient> slots_;
 };

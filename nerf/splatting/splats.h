@@ -9,11 +9,12 @@
 #include <vector>
 
 #include "io/scene/scene.h"
+#include "nerf/kernels/splat_projection.h"
 
 namespace nerf {
 
-inline constexpr int kHarmonics = 4;  // spherical harmonics up to degree 1
-inline constexpr double kHarmonic0 = 0.28209479177387814, kHarmonic1 = 0.4886025119029199;
+inline constexpr int kHarmonics = kernels::kSplatHarmonics;
+inline constexpr double kHarmonic0 = kernels::kSplatHarmonic0, kHarmonic1 = kernels::kSplatHarmonic1;
 
 // What the reference implementation adds to variances in the picture, so that no splat is thinner than a
 // pixel [px^2]; and how far beyond the edges of the picture its projection is linearised, in widths of the
@@ -41,5 +42,8 @@ struct SplatView {
   io::Rigid3d world_from_cam;
   double low_pass = kLowPass;  // added to variances in the picture [px^2]
 };
+
+// The view as the kernels need it.
+kernels::SplatCamera CameraOf(const SplatView& view);
 
 }  // namespace nerf

@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 
 #include "nerf/splatting/point_spacing.h"
 
@@ -18,9 +20,35 @@ constexpr double kFlatness = 0.1;
 constexpr double kMinSpacing = 0.3, kMaxSpacing = 10;
 constexpr double kFirstOpacity = 0.9;
 
+// Bits of a coordinate in the order of splats.
+constexpr int kOrderBits = 10;
+
+// The place on Morton's curve (1966): the bits of the coordinates, by turns. All of space is mapped to a
+// cube, where the scene, which lies within a few units, has most of the room.
+std::uint32_t PlaceOnCurve(const Eigen::Vector3f& position) {
+  std::uint32_t place = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float x = position[axis], share = 0.5f + 0.5f * x / (1 + std::abs(x));
+    const auto cell = static_cast<std::uint32_t>(share * ((1 << kOrderBits) - 1));
+    for (int bit = 0; bit < kOrderBits; ++bit) place |= (cell >> bit & 1) << (3 * bit + axis);
+  }
+  return place;
+}
+
+// Points near to one another in space lie near to one another in memory as well.
+std::vector<SurfacePoint> AlongCurve(const std::vector<SurfacePoint>& points) {
+  std::vector<std::pair<std::uint32_t, std::size_t>> order;
+  for (std::size_t i = 0; i < points.size(); ++i) order.push_back({PlaceOnCurve(points[i].position), i});
+  std::sort(order.begin(), order.end());
+  std::vector<SurfacePoint> sorted;
+  for (const auto& [place, i] : order) sorted.push_back(points[i]);
+  return sorted;
+}
+
 }  // namespace
 
-Splats SplatsOn(const std::vector<SurfacePoint>& points) {
+Splats SplatsOn(const std::vector<SurfacePoint>& unordered) {
+  const std::vector<SurfacePoint> points = AlongCurve(unordered);
   std::vector<Eigen::Vector3f> positions;
   for (const SurfacePoint& point : points) positions.push_back(point.position);
   const std::vector<double> spacing = PointSpacing(positions);

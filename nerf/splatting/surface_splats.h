@@ -14,7 +14,8 @@ struct SurfacePoint {
   float footprint;                   // of a pixel of the view that shows it, scene units
 };
 
-// One for each point. Throws io::Interrupted.
+// One for each point, in an order in which neighbours in space are mostly neighbours in memory: pictures of
+// them are then made from fewer lines of the caches. Throws io::Interrupted.
 Splats SplatsOn(const std::vector<SurfacePoint>& points);
 
 }  // namespace nerf

@@ -5,7 +5,7 @@
 
 #include "io/base/random.h"
 #include "nerf/kernels/kernels.h"
-#include "nerf/kernels/splats_reference.h"
+#include "nerf/kernels/splat_blending_reference.h"
 
 namespace nerf {
 namespace {
@@ -33,13 +33,23 @@ std::vector<BlendedSplat> SomeSplats(int n, float most_opacity) {
     for (float& value : splat.rgb) value = random.Uniform();
     const float deviations = std::sqrt(2 * std::log(255 * splat.opacity));
     splat.reach_x = deviations * std::sqrt(xx), splat.reach_y = deviations * std::sqrt(yy);
+    splat.max_distance_squared = deviations * deviations;
     splats.push_back(splat);
   }
   return splats;
 }
 
 DoubleSplat Widened(const BlendedSplat& s) {
-  return {s.x, s.y, s.a, s.b, s.c, s.opacity, {s.rgb[0], s.rgb[1], s.rgb[2]}, s.reach_x, s.reach_y};
+  return {s.x,
+          s.y,
+          s.a,
+          s.b,
+          s.c,
+          s.opacity,
+          {s.rgb[0], s.rgb[1], s.rgb[2]},
+          s.reach_x,
+          s.reach_y,
+          s.max_distance_squared};
 }
 
 struct Blended {
@@ -160,6 +170,7 @@ TEST_P(Splats, BehindAnOpaqueTileHaveNoGradient) {
   for (BlendedSplat& splat : splats) {
     splat.x = kX + 8, splat.y = kY + 8, splat.a = splat.c = 1e-4f, splat.b = 0, splat.opacity = 0.98f;
     splat.reach_x = splat.reach_y = 1000;
+    splat.max_distance_squared = 2 * std::log(255 * 0.98f);
   }
   const std::vector<float> weights(3 * kTilePixels, 1);
   std::vector<float> to_come(kTilePixels, 1);
