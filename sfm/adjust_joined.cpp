@@ -23,10 +23,8 @@ bool IsGross(const io::Scene& scene, const io::Observation& observation) {
   return !xy || (*xy - observation.xy).norm() > kMaxErrorShare * std::max(camera.width, camera.height);
 }
 
-}  // namespace
-
-void AdjustJoined(io::ColmapModel* model) {
-  io::ColmapModel part = SplitObservations(*model, 0).training;
+// Moves the cameras of `model` so that the observations of `part` fit.
+void AdjustCameras(io::ColmapModel part, io::ColmapModel* model) {
   std::erase_if(part.observations, [&](const io::Observation& o) { return IsGross(part.scene, o); });
   AdjustBundle(&part,
                {.free = std::vector(part.scene.cameras.size(), FreeParametersOf(model->camera_model)),
@@ -35,5 +33,11 @@ void AdjustJoined(io::ColmapModel* model) {
   model->scene.cameras = std::move(part.scene.cameras);
   model->scene.frames = std::move(part.scene.frames);
 }
+
+}  // namespace
+
+void AdjustJoined(io::ColmapModel* model) { AdjustCameras(SplitObservations(*model, 0).training, model); }
+
+void AdjustBridged(io::ColmapModel* model) { AdjustCameras(*model, model); }
 
 }  // namespace sfm

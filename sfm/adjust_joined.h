@@ -9,4 +9,7 @@ namespace sfm {
 // 1500 points, or as many as show in all parts of all pictures, decide; the other points stay where they are.
 void AdjustJoined(io::ColmapModel* model);
 
+// The same with all points, for parts that so few of them hold together that a choice might leave those out.
+void AdjustBridged(io::ColmapModel* model);
+
 }  // namespace sfm

@@ -14,6 +14,7 @@
 #include "sfm/check_options.h"
 #include "sfm/choose_pairs.h"
 #include "sfm/features/stationary_matches.h"
+#include "sfm/gaps.h"
 #include "sfm/mapping/diagnosis.h"
 #include "sfm/second_look.h"
 
@@ -24,6 +25,9 @@ namespace fs = std::filesystem;
 
 // Pictures before and after that still count as following when the order is all there is to rely on.
 constexpr int kOrderOverlap = 3;
+// Two parts that hang together by a few points have a hinge there: in office68 it is known to 0.5 to 0.8
+// degrees. Where it is worse than this, a radiance field sees two rooms in one.
+constexpr double kMaxBridgedDeg = 2;
 // The model COLMAP maps with when the camera model is to be found out.
 constexpr const char* kMappingModel = "SIMPLE_RADIAL";
 
@@ -103,6 +107,7 @@ void Session::Try(std::vector<PairMatches> matches, bool relaxed) {
   MappingAttempt attempt = Map(views_, std::move(matches), relaxed);
   if (best_ && attempt.Registered() <= best_->Registered()) return;
   best_ = std::move(attempt);
+  bridged_.clear();
   best_max_features_ = max_features_;
   result_.turntable = stationary.IsBackground();
   result_.stationary_share = stationary.share;
@@ -116,6 +121,7 @@ void Session::ResolveContradictions() {
   std::vector<PairMatches> matches = std::move(best_->matches);
   std::erase_if(matches, [](const PairMatches& pair) { return pair.b - pair.a > kOrderOverlap; });
   best_ = Map(best_->views, std::move(matches), false);
+  bridged_.clear();
 }
 
 bool Session::InBlocks() const {
@@ -219,7 +225,7 @@ void Session::Adjust() {
   result_.times.adjusting_s += stopwatch.seconds();
 }
 
-void Session::DropUncertainPictures() {
+std::set<std::string> Session::UncertainNames() const {
   std::set<std::string> names;
   for (const UncertainPicture& picture : UncertainPictures(result_.model, result_.uncertainty)) {
     decide_(
@@ -231,6 +237,24 @@ void Session::DropUncertainPictures() {
                     picture.rotation_deg / picture.median_deg));
     names.insert(picture.name);
   }
+  if (bridged_.empty()) return names;
+  const double sigma = MedianRotationDeg(result_.model, result_.uncertainty, bridged_);
+  if (sigma > kMaxBridgedDeg) {
+    decide_(
+        fmt::format("{} pictures taken out, because how they lie to those before the gap is uncertain by "
+                    "{:.1f} degrees",
+                    bridged_.size(),
+                    sigma));
+    names.insert(bridged_.begin(), bridged_.end());
+  } else {
+    decide_(
+        fmt::format("pictures across the gap lie to the others as adjusted within {:.2f} degrees", sigma));
+  }
+  return names;
+}
+
+void Session::DropUncertainPictures() {
+  const std::set<std::string> names = UncertainNames();
   if (names.empty()) return;
   // From the beginning: a picture in a wrong place bends the cameras of all.
   result_.model = WithoutFrames(best_->models.front(), names);

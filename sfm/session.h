@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -70,6 +71,11 @@ class Session {
                                                         const std::vector<int>& chosen,
                                                         const std::vector<std::string>& names,
                                                         int max_features);
+  // Matches pictures around those that the best model lacks with the pictures that follow them, by features
+  // of an even contrast besides, and joins what hangs on the model by these alone.
+  void BridgeGaps();
+  // Further features of these pictures, none of the others.
+  std::vector<Features> EvenContrastFeatures(const std::vector<int>& chosen);
   // Matches the chosen pictures with all others and continues the best model with them.
   void AddToModel(const std::vector<int>& chosen, int max_features);
   MappingAttempt Map(std::shared_ptr<const CapturedViews> views,
@@ -81,6 +87,8 @@ class Session {
   PairAgreement Agreement() const;
   void Adjust();
   void DropUncertainPictures();
+  // Of the adjusted model, with the reason; the largest attempt keeps them.
+  std::set<std::string> UncertainNames() const;
   void RefuseUnusable() const;
   // Seen straight down, a flat ground looks the same from higher up through a longer lens.
   void DescribeFlatness() const;
@@ -91,6 +99,7 @@ class Session {
   const Decide& decide_;
   std::shared_ptr<const CapturedViews> views_;  // with the latest features
   std::optional<MappingAttempt> best_;
+  std::set<std::string> bridged_;  // pictures that are joined to the others across a gap
   int n_attempts_ = 0;
   int max_features_ = 0, best_max_features_ = 0;  // per picture, of the latest ones and of the best attempt
   double retry_s_ = 0;                            // spent on further attempts

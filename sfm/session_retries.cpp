@@ -4,7 +4,10 @@
 
 #include "io/process/progress.h"
 #include "io/process/stopwatch.h"
+#include "sfm/adjust_joined.h"
 #include "sfm/features/stationary_matches.h"
+#include "sfm/gaps.h"
+#include "sfm/mapping/bridging.h"
 #include "sfm/mapping/diagnosis.h"
 #include "sfm/second_look.h"
 #include "sfm/session.h"
@@ -18,6 +21,8 @@ constexpr double kGoodRegisteredShare = 0.9;
 // At most what mapping as a whole takes, in times of mapping in blocks: 1.6 on 300 pictures and two cores,
 // more on larger captures and more cores.
 constexpr double kWholeOverBlocks = 4;
+// Both sides of a gap are mapped and triangulated once more; matching three pairs per picture is nothing.
+constexpr double kBridgingOverMapping = 2;
 // Comparisons of descriptors for the second look, over all that were made before it: at most doubling a step
 // that takes a quarter of the time.
 constexpr double kSecondLookCost = 1;
@@ -39,6 +44,11 @@ std::vector<Session::StrongerSetting> Session::StrongerSettings(const std::vecto
                           as_a_whole_ = true;
                           Try(matches, false);
                         }});
+  }
+  if (options_.detector == "opencv" && best_->Registered() > 0 && !AroundGaps(*best_).empty()) {
+    settings.push_back({"following pictures, contrast evened out, to bridge gaps between parts of a walk",
+                        kBridgingOverMapping * t.mapping_s,
+                        [&] { BridgeGaps(); }});
   }
   settings.push_back({"a relaxed start and half the evidence per picture", pairs_s + t.mapping_s, [&] {
                         Try(matches, true);
@@ -80,6 +90,57 @@ void Session::TryStrongerSettings(const std::vector<PairMatches>& matches, std::
     setting.attempt();
     retry_s_ += stopwatch.seconds();
   }
+}
+
+std::vector<Features> Session::EvenContrastFeatures(const std::vector<int>& chosen) {
+  const io::Stopwatch stopwatch;
+  std::vector<std::string> names;
+  for (const int i : chosen) names.push_back(pictures_[static_cast<std::size_t>(i)].name);
+  std::vector<Features> found = DetectFeatures(images_folder_,
+                                               names,
+                                               options_.masks_folder,
+                                               {.max_features = best_max_features_,
+                                                .max_image_size = options_.max_image_size,
+                                                .even_contrast = true,
+                                                .threads = options_.threads,
+                                                .memory = options_.memory});
+  std::vector<Features> features(pictures_.size());
+  for (std::size_t i = 0; i < chosen.size(); ++i)
+    features[static_cast<std::size_t>(chosen[i])] = std::move(found[i]);
+  result_.times.features_s += stopwatch.seconds();
+  return features;
+}
+
+void Session::BridgeGaps() {
+  const std::vector<int> chosen = AroundGaps(*best_);
+  const std::vector<Features> even = EvenContrastFeatures(chosen);
+  auto views = std::make_shared<CapturedViews>(*best_->views);
+  const io::Stopwatch stopwatch;
+  const ImagePairs pairs = FollowingPairs(chosen);
+  // Apart from each other: what is found both ways would not be distinct.
+  std::vector<PairMatches> matches = MatchFeatures(views->features, pairs, options_.threads);
+  AddFeatures(even, MatchFeatures(even, pairs, options_.threads), &views->features, &matches);
+  result_.times.matching_s += stopwatch.seconds();
+  if (stands_still_) DropStationaryMatches(views->features, &matches);
+  MappingAttempt attempt = Bridge(*best_,
+                                  pictures_,
+                                  std::move(views),
+                                  matches,
+                                  images_folder_,
+                                  AttemptFolder(),
+                                  {.adjust_joined = AdjustBridged, .threads = options_.threads});
+  CountAttempt(attempt);
+  if (attempt.Registered() <= best_->Registered()) return;
+  const PairAgreement agreement = CompareWithPairs(
+      attempt.models.front().scene, attempt.views->names, attempt.views->features, attempt.evidence.pairs);
+  if (agreement.Contradicts()) {
+    decide_("not taken: " + agreement.Figures());
+    return;
+  }
+  decide_(fmt::format("{} more pictures, joined to the others across a gap",
+                      attempt.Registered() - best_->Registered()));
+  for (const int i : LeftOutPictures(*best_)) bridged_.insert(pictures_[static_cast<std::size_t>(i)].name);
+  best_ = std::move(attempt);
 }
 
 std::shared_ptr<const CapturedViews> Session::WithMoreFeatures(const CapturedViews& views,

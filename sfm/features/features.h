@@ -29,6 +29,9 @@ struct FeatureOptions {
   int max_image_size = 1600;  // longer side in pixels for detection; 0: full size
   // Half of OpenCV's default and COLMAP's value: soft textures still give features; the strongest are kept.
   double min_contrast = 0.02;
+  // Contrast is evened out first, so that plain walls beside dark things give features that look alike in
+  // other pictures, too; they are not those of the picture as it is.
+  bool even_contrast = false;
   int threads = 1;
   io::MemoryBudget memory = io::MemoryBudget();  // fewer threads detect where it is short
 };

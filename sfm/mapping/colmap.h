@@ -60,6 +60,9 @@ class Colmap {
                                                 int n_pictures,
                                                 bool relaxed);
 
+  // Whether the steps that follow also make points of matches that no third picture confirms.
+  void TakeTwoViewTracks(bool take) { take_two_view_tracks_ = take; }
+
   // One model of the pictures of both, which share some; nothing when COLMAP could not align them.
   std::optional<std::filesystem::path> Merge(const std::filesystem::path& a, const std::filesystem::path& b);
 
@@ -87,6 +90,7 @@ class Colmap {
   int threads_;
   std::size_t memory_bytes_;
   ColmapFlags flags_;
+  bool take_two_view_tracks_ = false;
   std::mutex mutex_;  // guards the two figures below
   double cpu_s_ = 0;
   std::size_t peak_rss_bytes_ = 0;

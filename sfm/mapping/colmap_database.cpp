@@ -185,23 +185,28 @@ void CopyGeometries(const std::filesystem::path& from, const std::filesystem::pa
   database.Execute("DETACH shard");
 }
 
-void CopyPairsWithout(const std::filesystem::path& from,
-                      const std::filesystem::path& to,
-                      const std::vector<std::string>& names) {
+void CopyPairs(const std::filesystem::path& from, const std::filesystem::path& to, const PairFilter& takes) {
   const SqliteConnection database(to);
-  std::string ids;
-  database.ForEachRow("SELECT image_id, name FROM images", [&](sqlite3_stmt* row) {
-    if (std::find(names.begin(), names.end(), Text(row, 1)) == names.end()) return;
-    ids += (ids.empty() ? "" : ",") + std::to_string(sqlite3_column_int64(row, 0));
-  });
-  const std::string n = std::to_string(kMaxImages);
-  const std::string kept =
-      " WHERE pair_id / " + n + " NOT IN (" + ids + ") AND pair_id % " + n + " NOT IN (" + ids + ")";
+  std::map<std::int64_t, std::string> names;
+  database.ForEachRow("SELECT image_id, name FROM images",
+                      [&](sqlite3_stmt* row) { names[sqlite3_column_int64(row, 0)] = Text(row, 1); });
   database.Execute("ATTACH ? AS other",
                    [&](sqlite3_stmt* s) { sqlite3_bind_text(s, 1, from.c_str(), -1, SQLITE_TRANSIENT); });
+  database.Execute("BEGIN");
   for (const std::string table : {"matches", "two_view_geometries"}) {
-    database.Execute("INSERT INTO " + table + " SELECT * FROM other." + table + kept);
+    std::vector<std::int64_t> taken;
+    database.ForEachRow("SELECT pair_id FROM other." + table, [&](sqlite3_stmt* row) {
+      const std::int64_t id = sqlite3_column_int64(row, 0);
+      const auto a = names.find(id / kMaxImages), b = names.find(id % kMaxImages);
+      if (a == names.end() || b == names.end()) database.Fail("a pair refers to a missing image");
+      if (takes(a->second, b->second)) taken.push_back(id);
+    });
+    for (const std::int64_t id : taken) {
+      database.Execute("INSERT INTO " + table + " SELECT * FROM other." + table + " WHERE pair_id = ?",
+                       [&](sqlite3_stmt* s) { sqlite3_bind_int64(s, 1, id); });
+    }
   }
+  database.Execute("COMMIT");
   database.Execute("DETACH other");
 }
 

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -53,11 +54,12 @@ void WriteMatches(const std::filesystem::path& database,
 // Appends the verified geometries of one database to another one with the same pictures.
 void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to);
 
-// Appends what a database of the same pictures holds about pairs that touch none of `names`: those pictures
-// may have other keypoints there.
-void CopyPairsWithout(const std::filesystem::path& from,
-                      const std::filesystem::path& to,
-                      const std::vector<std::string>& names);
+// Whether to take a pair of pictures, by their names.
+using PairFilter = std::function<bool(const std::string&, const std::string&)>;
+
+// Appends what a database of the same pictures, in the same order, holds about the pairs to be taken: those
+// of pictures whose keypoints are the same there.
+void CopyPairs(const std::filesystem::path& from, const std::filesystem::path& to, const PairFilter& takes);
 
 // Keypoints and descriptors that COLMAP extracted; one entry per name, empty for a picture without features.
 // Throws kMissingTool naming a picture that the database lacks.

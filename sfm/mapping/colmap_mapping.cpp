@@ -66,6 +66,7 @@ Colmap::Step Colmap::MapperStep(const std::string& command,
             .limit_s = kMappingLimitS + kMappingLimitPerPictureS * n_pictures,
             .may_find_nothing = true};
   Append(&step.arguments, flags_.mapper_options);
+  if (take_two_view_tracks_) Append(&step.arguments, flags_.two_view_tracks);
   return step;
 }
 

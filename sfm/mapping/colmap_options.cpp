@@ -31,28 +31,15 @@ std::string FirstListed(const std::string& command,
                   "Install a COLMAP from 3.8 to 4.x (apt-get install colmap)");
 }
 
-// A final adjustment of our own follows, so the mapper only needs to keep its model from drifting: on 50
-// photos fewer adjustments halve its time, and ending them where a step gains less than 0.1 % (COLMAP goes on
-// to the last iteration) halves it again on 75, with the same points and the same error to 0.4 %. Tele lenses
-// of 2 degrees have 30 times the picture's side as focal length; COLMAP drops pictures beyond 10.
-std::vector<std::string> MapperOptions(const std::string& help) {
-  struct Flag {
-    std::initializer_list<const char*> names;
-    const char* value;
-  };
-  static const Flag kFlags[] = {
-      {{"--Mapper.ba_global_frames_ratio", "--Mapper.ba_global_images_ratio"}, "1.5"},
-      {{"--Mapper.ba_global_points_ratio"}, "1.5"},
-      {{"--Mapper.ba_global_max_num_iterations"}, "10"},
-      {{"--Mapper.ba_global_max_refinements"}, "1"},
-      {{"--Mapper.ba_global_function_tolerance"}, "1e-3"},
-      {{"--Mapper.ba_local_max_num_iterations"}, "10"},
-      {{"--Mapper.ba_local_max_refinements"}, "1"},
-      {{"--Mapper.ba_local_function_tolerance"}, "1e-3"},
-      {{"--Mapper.max_focal_length_ratio"}, "30"},
-  };
+struct Flag {
+  std::initializer_list<const char*> names;
+  const char* value;
+};
+
+// Those that the help lists, by the first of their names that it knows.
+std::vector<std::string> Listed(const std::string& help, std::initializer_list<Flag> flags) {
   std::vector<std::string> arguments;
-  for (const Flag& flag : kFlags) {
+  for (const Flag& flag : flags) {
     for (const char* name : flag.names) {
       if (!Lists(help, name)) continue;
       arguments.insert(arguments.end(), {name, flag.value});
@@ -60,6 +47,25 @@ std::vector<std::string> MapperOptions(const std::string& help) {
     }
   }
   return arguments;
+}
+
+// A final adjustment of our own follows, so the mapper only needs to keep its model from drifting: on 50
+// photos fewer adjustments halve its time, and ending them where a step gains less than 0.1 % (COLMAP goes on
+// to the last iteration) halves it again on 75, with the same points and the same error to 0.4 %. Tele lenses
+// of 2 degrees have 30 times the picture's side as focal length; COLMAP drops pictures beyond 10.
+std::vector<std::string> MapperOptions(const std::string& help) {
+  return Listed(help,
+                {
+                    {{"--Mapper.ba_global_frames_ratio", "--Mapper.ba_global_images_ratio"}, "1.5"},
+                    {{"--Mapper.ba_global_points_ratio"}, "1.5"},
+                    {{"--Mapper.ba_global_max_num_iterations"}, "10"},
+                    {{"--Mapper.ba_global_max_refinements"}, "1"},
+                    {{"--Mapper.ba_global_function_tolerance"}, "1e-3"},
+                    {{"--Mapper.ba_local_max_num_iterations"}, "10"},
+                    {{"--Mapper.ba_local_max_refinements"}, "1"},
+                    {{"--Mapper.ba_local_function_tolerance"}, "1e-3"},
+                    {{"--Mapper.max_focal_length_ratio"}, "30"},
+                });
 }
 
 }  // namespace
@@ -84,6 +90,7 @@ ColmapFlags ParseColmapHelp(const std::string& extractor_help,
       .matching_threads = matcher({"--FeatureMatching.num_threads", "--SiftMatching.num_threads"}),
       .mapper_threads = FirstListed("mapper", mapper_help, {"--Mapper.num_threads"}),
       .mapper_options = MapperOptions(mapper_help),
+      .two_view_tracks = Listed(mapper_help, {{{"--Mapper.tri_ignore_two_view_tracks"}, "0"}}),
   };
 }
 

@@ -14,6 +14,8 @@ struct ColmapFlags {
   std::string mapper_threads;
   // Flags and values that suit what surrounds the mapper here; without those that it does not list.
   std::vector<std::string> mapper_options;
+  // Lets the mapper make points of matches between two pictures that no third one confirms.
+  std::vector<std::string> two_view_tracks;
 };
 
 // From the output of `colmap feature_extractor -h`, `colmap matches_importer -h` and `colmap mapper -h`.

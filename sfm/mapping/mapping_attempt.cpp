@@ -109,6 +109,29 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
   return attempt;
 }
 
+MappingAttempt GoOnFrom(const MappingAttempt& before,
+                        std::shared_ptr<const CapturedViews> views,
+                        const std::vector<PairMatches>& matches,
+                        const PairFilter& takes,
+                        Colmap* colmap) {
+  MappingAttempt attempt{.views = std::move(views),
+                         .models = before.models,
+                         .largest = before.largest,
+                         .database = colmap->database(),
+                         .log = colmap->database().parent_path() / "colmap.log"};
+  const auto name = [&](int i) { return attempt.views->names[static_cast<std::size_t>(i)]; };
+  for (const PairMatches& pair : before.matches) {
+    if (takes(name(pair.a), name(pair.b))) attempt.matches.push_back(pair);
+  }
+  attempt.matches.insert(attempt.matches.end(), matches.begin(), matches.end());
+  const io::Stopwatch verifying;
+  colmap->VerifyMatches(*attempt.views, WithEnoughMatches(matches));
+  CopyPairs(before.database, colmap->database(), takes);
+  ReadEvidence(*colmap, &attempt);
+  attempt.verifying_s = verifying.seconds();
+  return attempt;
+}
+
 MappingAttempt Continue(const MappingAttempt& before,
                         const std::vector<Picture>& pictures,
                         std::shared_ptr<const CapturedViews> views,
@@ -118,23 +141,13 @@ MappingAttempt Continue(const MappingAttempt& before,
                         const fs::path& folder,
                         int threads) {
   Colmap colmap(folder, threads);
-  MappingAttempt attempt{.views = std::move(views),
-                         .models = before.models,
-                         .largest = before.largest,
-                         .database = colmap.database(),
-                         .log = folder / "colmap.log"};
   const std::set<std::string> names(changed.begin(), changed.end());
-  for (const PairMatches& pair : before.matches) {
-    const std::string &a = attempt.views->names[static_cast<std::size_t>(pair.a)],
-                      &b = attempt.views->names[static_cast<std::size_t>(pair.b)];
-    if (names.count(a) + names.count(b) == 0) attempt.matches.push_back(pair);
-  }
-  attempt.matches.insert(attempt.matches.end(), matches.begin(), matches.end());
-  const io::Stopwatch verifying;
-  colmap.VerifyMatches(*attempt.views, WithEnoughMatches(matches));
-  CopyPairsWithout(before.database, colmap.database(), changed);
-  ReadEvidence(colmap, &attempt);
-  attempt.verifying_s = verifying.seconds();
+  MappingAttempt attempt = GoOnFrom(
+      before,
+      std::move(views),
+      matches,
+      [&](const std::string& a, const std::string& b) { return names.count(a) + names.count(b) == 0; },
+      &colmap);
 
   const io::Stopwatch mapping;
   const auto path = colmap.Continue(images_folder, before.largest, static_cast<int>(pictures.size()), true);

@@ -56,6 +56,14 @@ MappingAttempt Attempt(const std::vector<Picture>& pictures,
                        const std::filesystem::path& folder,
                        const MappingOptions& options);
 
+// The beginning of an attempt that goes on from `before` and has its models so far: `matches` are verified,
+// and the pairs to be taken are taken over as they were verified before. `views` have the keypoints of those.
+MappingAttempt GoOnFrom(const MappingAttempt& before,
+                        std::shared_ptr<const CapturedViews> views,
+                        const std::vector<PairMatches>& matches,
+                        const PairFilter& takes,
+                        Colmap* colmap);
+
 // Goes on from the largest model of `before`: `views` may have new keypoints for the pictures `changed` only,
 // and `matches` are all the pairs that touch these. The other pairs are taken over as verified. Its models
 // are those of `before` when COLMAP could not add a picture.

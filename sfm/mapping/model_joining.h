@@ -15,6 +15,12 @@ namespace sfm {
 // the points agree: one of the models is folded, or takes another place for this one.
 std::optional<io::Sim3d> AlignModels(const io::ColmapModel& a, const io::ColmapModel& b);
 
+// The same for models that share fewer pictures: the picture with most points that both see at the same
+// keypoint gives rotation and place, and how deep these points lie before it in each gives the scale. Nothing
+// when there are fewer than 8, or when fewer than half of the ratios of depths lie within a tenth of their
+// median: one of the models then has the picture in a wrong place.
+std::optional<io::Sim3d> AlignAtPicture(const io::ColmapModel& a, const io::ColmapModel& b);
+
 // Adds the pictures of `b` that `a` lacks, moved by `a_from_b`, and its points; points that both see at the
 // same keypoint are one. camera_of: of each frame of b, the camera of `a` that took it.
 void AddModel(const io::ColmapModel& b,

@@ -79,6 +79,28 @@ TEST(Features, PixelCentresAreAtOneHalf) {
   EXPECT_NEAR(dy, 0, 0.03);
 }
 
+// Faint spots beside strong ones, as cables on a desk beside a window.
+TEST(Features, EvenContrastShowsWhatIsFaint) {
+  TempDir folder;
+  io::Image image = Draw(480, 360, Spots());
+  for (int y = 0; y < 360; ++y) {
+    for (int x = 0; x < 240; ++x) {
+      for (int c = 0; c < 3; ++c)
+        image.Pixel(x, y)[c] = static_cast<std::uint8_t>(60 + image.Pixel(x, y)[c] / 20);
+    }
+  }
+  io::WriteImage(folder / "faint.png", image);
+  const auto faint = [&](bool even_contrast) {
+    const sfm::Features features =
+        sfm::DetectFeatures(folder.path(), {"faint.png"}, "", {.even_contrast = even_contrast})[0];
+    return std::count_if(features.keypoints.begin(), features.keypoints.end(), [](const sfm::Keypoint& k) {
+      return k.x < 220;
+    });
+  };
+  EXPECT_LT(faint(false), 6);
+  EXPECT_GE(faint(true), 12);
+}
+
 TEST(Features, DetectionInASmallerPictureKeepsThePositions) {
   TempDir folder;
   std::vector<Spot> spots = Spots();

@@ -53,6 +53,12 @@ TEST(ColmapOptions, Names38) {
   EXPECT_EQ(flags.matching_use_gpu, "--SiftMatching.use_gpu");
   EXPECT_EQ(flags.matching_threads, "--SiftMatching.num_threads");
   EXPECT_EQ(flags.mapper_threads, "--Mapper.num_threads");
+  EXPECT_TRUE(flags.two_view_tracks.empty()) << "an option that is not listed";
+  EXPECT_EQ(
+      sfm::ParseColmapHelp(
+          kExtractor38, kMatcher38, std::string(kMapper) + "  --Mapper.tri_ignore_two_view_tracks arg (=1)\n")
+          .two_view_tracks,
+      (std::vector<std::string>{"--Mapper.tri_ignore_two_view_tracks", "0"}));
 }
 
 TEST(ColmapOptions, Names313) {

@@ -91,6 +91,29 @@ TEST(ModelJoining, TooFewSharedPicturesOrPointsProveNothing) {
   EXPECT_FALSE(sfm::AlignModels(Part(few, 0, 9), fewer)) << "at most 49 shared points";
 }
 
+TEST(ModelJoining, OnePictureLinksWhatLiesBeforeIt) {
+  const Parts parts(0.3);
+  io::ColmapModel b = Part(parts.whole, 8, kRingPictures);
+  Move(&b, kElsewhere);
+  const auto a_from_b = sfm::AlignAtPicture(parts.a, b);
+  ASSERT_TRUE(a_from_b);
+  const io::Sim3d identity = *a_from_b * kElsewhere;
+  EXPECT_NEAR(identity.scale, 1, 1e-9);
+  EXPECT_TRUE(identity.rotation.isIdentity(1e-9));
+  EXPECT_LT(identity.translation.norm(), 1e-9);
+  EXPECT_FALSE(sfm::AlignAtPicture(parts.a, Part(parts.whole, 9, kRingPictures))) << "no picture in common";
+  io::ColmapModel few = b;
+  few.observations.clear();
+  for (const io::Observation& o : b.observations) {
+    if (o.frame_index > 0 || few.observations.size() < 7) few.observations.push_back(o);
+  }
+  EXPECT_FALSE(sfm::AlignAtPicture(parts.a, few)) << "at most 7 points in common";
+  // The picture is put where another place looks alike: the points before it are at any distance.
+  std::mt19937_64 random(2);
+  for (io::Point3D& point : b.scene.points) point.xyz += RandomVector(&random, 10);
+  EXPECT_FALSE(sfm::AlignAtPicture(parts.a, b));
+}
+
 TEST(ModelJoining, TheUnionHasEveryPictureAndPointOnce) {
   const Parts parts(0);
   io::ColmapModel joined = parts.a;
