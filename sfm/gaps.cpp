@@ -7,9 +7,15 @@
 #include "sfm/second_look.h"
 
 namespace sfm {
+namespace {
+
+constexpr std::size_t kMinPart = 3;
+
+}  // namespace
 
 std::vector<int> AroundGaps(const MappingAttempt& attempt) {
   const std::vector<int> lacking = LeftOutPictures(attempt);
+  if (lacking.size() < kMinPart) return {};
   const int n = static_cast<int>(attempt.views->names.size());
   std::set<int> around(lacking.begin(), lacking.end());
   for (const int i : lacking) {

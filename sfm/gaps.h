@@ -16,7 +16,7 @@ namespace sfm {
 constexpr int kFollowing = 3;
 
 // Indices of the pictures that the largest model lacks and of those that lie at most kFollowing from one of
-// them, in order; empty when it has none of the latter.
+// them, in order; empty when it has none of the latter, or lacks fewer than 3: these are no part of a walk.
 std::vector<int> AroundGaps(const MappingAttempt& attempt);
 
 // The pairs of these pictures that lie at most kFollowing apart.

@@ -17,7 +17,7 @@ namespace sfm {
 // pictures that it lacked are mapped by themselves, and a model of these that shares a picture with it is
 // joined to it (AlignModels, AlignAtPicture), adjusted together by options.adjust_joined, and triangulated
 // anew. Pairs that were not used stay in the evidence. The models are those of `before` when nothing could be
-// joined.
+// joined, or when in the end fewer than 15 points are seen from both sides or by a picture behind the gap.
 MappingAttempt Bridge(const MappingAttempt& before,
                       const std::vector<Picture>& pictures,
                       std::shared_ptr<const CapturedViews> views,
