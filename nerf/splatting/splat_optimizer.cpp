@@ -18,7 +18,7 @@ constexpr double kLastShare = 0.1;
 // Standard deviations in units of the splat's first size. Larger ones, grown where few photos look, would
 // veil whole pictures from between the photos.
 constexpr float kMostGrowth = 10;
-constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f;
+constexpr float kBeta1 = 0.8f, kBeta2 = 0.99f;
 // Splats per task, so that the arrays of a task hold whole vectors.
 constexpr std::size_t kSplatsPerTask = 4096;
 // Steps that the PSNR shown is the mean of.

@@ -17,7 +17,7 @@ namespace nerf {
 
 // Of the training time, that the field has; the rest is the splats'.
 inline constexpr double kFieldShare = 0.5;
-// Of a training by steps: steps of the field for each of the splats. They take about as long.
+// Of a training by steps: steps of the field for each of the splats.
 inline constexpr int kFieldSteps = 10;
 // Pictures for each one that is set aside: fewer cannot be judged, and get no splats.
 inline constexpr std::size_t kJudgedEvery = 8;
