@@ -185,4 +185,10 @@ CaptureGeometry MeasureCapture(const io::Scene& scene) {
   return capture;
 }
 
+double LongestFocalLength(const io::Scene& scene) {
+  double longest = 0;
+  for (const io::Camera& camera : scene.cameras) longest = std::max(longest, camera.fl_x);
+  return longest;
+}
+
 }  // namespace nerf

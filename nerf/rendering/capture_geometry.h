@@ -40,4 +40,7 @@ io::Rigid3d LookAt(const Eigen::Vector3d& place, const Eigen::Vector3d& target, 
 // The poses of a scene's frames.
 std::vector<io::Rigid3d> PosesOf(const io::Scene& scene);
 
+// The longest of the cameras' focal lengths [px]: no picture has smaller pixels.
+double LongestFocalLength(const io::Scene& scene);
+
 }  // namespace nerf

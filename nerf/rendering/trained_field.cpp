@@ -1,5 +1,8 @@
 #include "nerf/rendering/trained_field.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/ray_renderer.h"
 #include "nerf/rendering/splat_mixing.h"
@@ -19,6 +22,47 @@ class CheckpointTrainedField : public TrainedField {
   RenderedView Render(const io::Camera& camera,
                       const io::Rigid3d& world_from_cam,
                       const RenderOptions& options) const override {
+    RenderedView view = RenderField(FieldCamera(camera, options), world_from_cam, options);
+    AddSplats(camera, world_from_cam, options, &view);
+    return view;
+  }
+
+  io::Camera FieldCamera(const io::Camera& camera, const RenderOptions& options) const override {
+    if (!ShowsSplats(options) || options.field_focal_px <= 0 || camera.fl_x <= options.field_focal_px)
+      return camera;
+    const double scale = options.field_focal_px / camera.fl_x;
+    return io::ResizedCamera(camera,
+                             std::max(1, static_cast<int>(std::lround(scale * camera.width))),
+                             std::max(1, static_cast<int>(std::lround(scale * camera.height))));
+  }
+
+  void AddSplats(const io::Camera& camera,
+                 const io::Rigid3d& world_from_cam,
+                 const RenderOptions& options,
+                 RenderedView* view) const override {
+    if (!ShowsSplats(options)) return;
+    if (view->width != camera.width || view->height != camera.height)
+      *view = Magnified(*view, camera.width, camera.height);
+    io::Workers workers(options.threads);
+    MixSplats(*scene_field_, camera, world_from_cam, &workers, &view->rgb);
+  }
+
+  bool HasUnknownSpace() const override { return state_.channels != 4 && !scene_field_->background; }
+
+  const Splats& splats() const override { return scene_field_->splats; }
+
+  std::array<float, 3> Background(const std::array<float, 3>& wanted) const override {
+    return scene_field_->Background(state_.channels == 4, wanted);
+  }
+
+ private:
+  bool ShowsSplats(const RenderOptions& options) const {
+    return options.splats && options.limits.AreOpen() && scene_field_->splats.size() > 0;
+  }
+
+  RenderedView RenderField(const io::Camera& camera,
+                           const io::Rigid3d& world_from_cam,
+                           const RenderOptions& options) const {
     const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
     io::Workers workers(options.threads);
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
@@ -44,20 +88,9 @@ class CheckpointTrainedField : public TrainedField {
       }
       band.clear();
     }
-    if (options.splats && options.limits.AreOpen())
-      MixSplats(*scene_field_, camera, world_from_cam, &workers, &view.rgb);
     return view;
   }
 
-  bool HasUnknownSpace() const override { return state_.channels != 4 && !scene_field_->background; }
-
-  const Splats& splats() const override { return scene_field_->splats; }
-
-  std::array<float, 3> Background(const std::array<float, 3>& wanted) const override {
-    return scene_field_->Background(state_.channels == 4, wanted);
-  }
-
- private:
   TrainState state_;
   std::unique_ptr<SceneField> scene_field_;
 };

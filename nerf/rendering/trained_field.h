@@ -9,6 +9,7 @@
 
 #include "io/scene/scene.h"
 #include "nerf/rendering/ray_limits.h"
+#include "nerf/rendering/rendered_view.h"
 #include "nerf/splatting/splats.h"
 
 namespace nerf {
@@ -32,16 +33,9 @@ struct RenderOptions {
   // Whether the scene's splats, if it has any, are in the colours; not where rays are limited. Depth and
   // opacity are the field's.
   bool splats = true;
-};
-
-struct RenderedView {
-  int width = 0, height = 0;
-  std::vector<float> rgb;      // [height][width][3], sRGB in [0, 1], background included
-  std::vector<float> depth;    // [height][width], expected depth along the ray in scene units
-  std::vector<float> opacity;  // [height][width], sum of weights
-  // [height][width], distance at which half of a ray's light is absorbed; infinite where less is. The place
-  // of the surface, with one ray per pixel; expected depth mixes what is before and behind an edge.
-  std::vector<float> median_depth = {};
+  // Under splats, which have the detail, the field's picture has at most this focal length [px] and is
+  // magnified: at the one of the training pictures nothing is lost (EXPERIMENTS.md). 0: that of the camera.
+  double field_focal_px = 0;
 };
 
 // Bytes that a checkpoint's field takes: its tensors with the tables' rounded copies, and the occupancy grid.
@@ -61,6 +55,16 @@ class TrainedField {
   virtual RenderedView Render(const io::Camera& camera,
                               const io::Rigid3d& world_from_cam,
                               const RenderOptions& options) const = 0;
+
+  // The two steps of Render, for who wants the first in parts: the camera of the field's own picture, without
+  // splats, and what makes the whole picture of it. The same camera, and nothing, where no splats are shown.
+  virtual io::Camera FieldCamera(const io::Camera& camera, const RenderOptions& /*options*/) const {
+    return camera;
+  }
+  virtual void AddSplats(const io::Camera& /*camera*/,
+                         const io::Rigid3d& /*world_from_cam*/,
+                         const RenderOptions& /*options*/,
+                         RenderedView* /*view*/) const {}
 
   // Whether what no picture shows was left open in training, so that anything may be there: opaque pictures
   // without a plain background. Otherwise it is background.

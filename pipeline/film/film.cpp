@@ -17,6 +17,7 @@
 #include "io/process/progress.h"
 #include "io/process/ranks.h"
 #include "io/scene/transforms.h"
+#include "nerf/rendering/capture_geometry.h"
 #include "nerf/rendering/even_path.h"
 #include "nerf/rendering/free_path.h"
 #include "pipeline/evaluation/evaluation.h"
@@ -30,8 +31,6 @@ namespace {
 namespace fs = std::filesystem;
 using Seconds = std::chrono::duration<double>;
 
-// Below this, encoders refuse the picture or pad it.
-constexpr int kMinSide = 32;
 // Shortest and longest default film.
 constexpr double kMinFilm_s = 6, kMaxFilm_s = 12;
 // Speed of a walk in radians of picture motion per second: a picture of usual width is crossed in 2 s.
@@ -39,21 +38,14 @@ constexpr double kWalkSpeed = 0.5;
 // Poses of the path before it is timed, eight per frame of the shortest default film: what is slowed down is
 // made of several of them, and no corner is seen where they meet.
 constexpr int kFewestPoses = 1440;
-// Frames whose speed is tried, at this share of the film's sides: a thousandth of the film's time.
+// Frames whose speed is tried, and, where there are no splats, the share of the film's sides: one or two
+// hundredths of the film's time, or a thousandth.
 constexpr int kTrialFrames = 3;
 constexpr int kTrialScale = 4;
 // Frames whose support is drawn for the report.
 constexpr int kSupportFrames = 3;
 // Longer side of their pictures: two and a half stand beside one another on a wide screen.
 constexpr int kSupportSide = 480;
-
-int EvenSide(double pixels) { return std::max(kMinSide, 2 * static_cast<int>(std::lround(pixels / 2))); }
-
-io::Camera EvenCamera(const io::Camera& camera, double width) {
-  const int even_width = EvenSide(width);
-  return io::ResizedCamera(
-      camera, even_width, EvenSide(static_cast<double>(even_width) / camera.width * camera.height));
-}
 
 io::Camera CameraOfPath(const CameraPathFile& file) {
   return nerf::CameraOfView(file.width, file.height, file.frames.front().fov_y);
@@ -98,12 +90,19 @@ class FilmMaker {
   double MakeFrame(int frame, const Film& film, std::string* thumbnail) const;
 
  private:
+  double Expected_s(const Film& film) const;  // that rendering the frames takes
   void FitPath(Film* film) const;
   void TakePath(Film* film) const;
   io::Camera CameraOf(const Film& film, int frame) const {
-    if (film.fov_y.empty()) return film.camera;
+    if (film.fov_y.empty()) return film.size.camera;
     return nerf::CameraOfView(
-        film.camera.width, film.camera.height, film.fov_y[static_cast<std::size_t>(frame)]);
+        film.size.camera.width, film.size.camera.height, film.fov_y[static_cast<std::size_t>(frame)]);
+  }
+  bool ShowsSplats() const { return field_.splats().size() > 0 && !render_options_.limits.crop; }
+  nerf::RenderOptions FrameOptions(const Film& film) const {
+    nerf::RenderOptions options = render_options_;
+    options.field_focal_px = film.size.field_share * nerf::LongestFocalLength(train_);
+    return options;
   }
   fs::path FramePath(const char* kind, int frame) const { return folder_ / kind / io::VideoFrameName(frame); }
   bool IsSupportFrame(int frame, int frames) const {
@@ -156,33 +155,31 @@ void FilmMaker::FitPath(Film* film) const {
   for (std::string& check : CheckPath(film->path)) film->decisions.push_back(std::move(check));
 }
 
-void FilmMaker::ChooseSize(Film* film) const {
-  const io::Camera& trained = train_.cameras.at(static_cast<std::size_t>(train_.frames.at(0).camera_index));
-  const io::Camera largest = film->camera;
-  if (options_.width > 0) return;
-  if (const fs::path first = FramePath("frames", 0); fs::is_regular_file(first)) {
-    film->camera = EvenCamera(largest, io::ReadImageSize(first).width);
-    return;
-  }
-  const io::Camera trial = EvenCamera(largest, static_cast<double>(film->camera.width) / kTrialScale);
+double FilmMaker::Expected_s(const Film& film) const {
+  // Under splats the field's part does not grow with the film.
+  const int scale = ShowsSplats() ? 1 : kTrialScale;
+  const io::Camera trial = EvenCamera(film.size.camera, static_cast<double>(film.size.camera.width) / scale);
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < kTrialFrames; ++k) {
-    const auto pose = static_cast<std::size_t>((2 * k + 1) * film->frames / (2 * kTrialFrames));
-    field_.Render(trial, film->path.world_from_cam[pose], render_options_);
+    const auto pose = static_cast<std::size_t>((2 * k + 1) * film.frames / (2 * kTrialFrames));
+    field_.Render(trial, film.path.world_from_cam[pose], FrameOptions(film));
   }
-  const double trial_pixels = static_cast<double>(kTrialFrames) * trial.width * trial.height;
-  const double pixels = static_cast<double>(film->frames) * film->camera.width * film->camera.height;
-  const double expected_s = Seconds(std::chrono::steady_clock::now() - start).count() * pixels / trial_pixels;
-  if (expected_s <= options_.ceiling_s) return;
-  const int wanted = film->camera.width;
-  const double width = wanted * std::sqrt(options_.ceiling_s / expected_s);
-  film->camera = EvenCamera(largest, std::min<double>(wanted, std::max<double>(width, trained.width)));
-  film->decisions.push_back(
-      fmt::format("film {} wide instead of {}, whose frames would take {:.0f} s; the ceiling is {:.0f} s",
-                  film->camera.width,
-                  wanted,
-                  expected_s,
-                  options_.ceiling_s));
+  const double pixels = static_cast<double>(film.size.camera.width) * film.size.camera.height,
+               trial_pixels = static_cast<double>(trial.width) * trial.height;
+  return Seconds(std::chrono::steady_clock::now() - start).count() * film.frames / kTrialFrames * pixels /
+         trial_pixels;
+}
+
+void FilmMaker::ChooseSize(Film* film) const {
+  if (options_.width > 0) return;
+  if (const fs::path first = FramePath("frames", 0); fs::is_regular_file(first)) {
+    film->size.camera = EvenCamera(film->size.camera, io::ReadImageSize(first).width);
+    return;
+  }
+  const io::Camera& trained = train_.cameras.at(static_cast<std::size_t>(train_.frames.at(0).camera_index));
+  const std::string line = KeepUnder(
+      options_.ceiling_s, trained.width, ShowsSplats(), [&] { return Expected_s(*film); }, &film->size);
+  if (!line.empty()) film->decisions.push_back(line);
 }
 
 void FilmMaker::WritePath(const Film& film) const {
@@ -222,7 +219,7 @@ double FilmMaker::MakeFrame(int frame, const Film& film, std::string* thumbnail)
   const auto start = std::chrono::steady_clock::now();
   const io::Rigid3d& pose = film.path.world_from_cam[static_cast<std::size_t>(frame)];
   const io::Camera camera = CameraOf(film, frame);
-  nerf::RenderedView view = field_.Render(camera, pose, render_options_);
+  nerf::RenderedView view = field_.Render(camera, pose, FrameOptions(film));
   const bool unknown = field_.HasUnknownSpace();
   nerf::ViewSupport support;
   if (options_.support || shows_support) {
@@ -276,14 +273,6 @@ io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) 
   return picture;
 }
 
-io::Camera FilmCamera(const io::Scene& train, int width, int photo_side) {
-  const io::Camera& camera = train.cameras.at(static_cast<std::size_t>(train.frames.at(0).camera_index));
-  if (width > 0) return EvenCamera(camera, width);
-  const int trained = std::max(camera.width, camera.height);
-  const int side = std::min(kFilmSide, std::max(trained, photo_side));
-  return EvenCamera(camera, static_cast<double>(camera.width) * side / trained);
-}
-
 int DefaultFrames(const nerf::CameraPath& path, double fps) {
   const double walk_s = path.kind == nerf::PathKind::kWalk ? nerf::TotalMotion(path) / kWalkSpeed : 0;
   return std::max(2, static_cast<int>(std::ceil(std::clamp(walk_s, kMinFilm_s, kMaxFilm_s) * fps)));
@@ -305,22 +294,23 @@ Film RenderFilm(const nerf::TrainedField& field,
                                          crop->box.size.y(),
                                          crop->box.size.z()));
   film.fps = given_path ? given_path->fps : options.fps;
-  film.camera = given_path
-                    ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
-                    : FilmCamera(train, options.width, options.photo_side);
-  RequireMemory(film.camera, options);
+  film.size.camera =
+      given_path ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
+                 : FilmCamera(train, options.width, options.photo_side);
+  RequireMemory(film.size.camera, options);
   const bool leads = io::AllRanks().IsFirst();
   std::optional<io::VideoEncoder> encoder;
-  if (leads) encoder = io::ProbeVideoEncoder(film.camera.width, film.camera.height, folder);
+  if (leads) encoder = io::ProbeVideoEncoder(film.size.camera.width, film.size.camera.height, folder);
   const FilmMaker maker(field, train, options, given_path ? &*given_path : nullptr, crop, folder);
   maker.FindPath(&film);
   if (leads) maker.ChooseSize(&film);  // by its clock
-  const int width = io::FromFirst(film.camera.width);
+  const int width = io::FromFirst(film.size.camera.width);
+  film.size.field_share = io::FromFirst(film.size.field_share);
   if (leads) {
     film.decisions.push_back(encoder->decision);
     maker.WritePath(film);
   } else {
-    film.camera = EvenCamera(film.camera, width);
+    film.size.camera = EvenCamera(film.size.camera, width);
   }
   RenderFrames(maker, &film);
   if (!leads) return film;

@@ -14,6 +14,7 @@
 #include "nerf/rendering/camera_path.h"
 #include "nerf/rendering/support_map.h"
 #include "nerf/rendering/trained_field.h"
+#include "pipeline/film/film_size.h"
 
 namespace pipeline {
 
@@ -21,7 +22,7 @@ struct FilmOptions {
   int frames = 0;          // 0: 6 s of film, for a long walk up to 12 s
   double fps = 30;         // frames per second of the film
   int width = 0;           // pixels, rounded to even, as yuv420p needs; 0: see FilmCamera
-  double ceiling_s = 180;  // the film becomes smaller until rendering takes no longer; as long as training
+  double ceiling_s = 180;  // what is drawn becomes smaller until it takes no longer; as long as training
   bool depth = false;      // also depth.mp4: distance along the ray, near blue to far red
   bool support = false;    // also support.mp4: number of training views that saw what a pixel shows
   int pixel_rays = 0;      // see nerf::RenderOptions
@@ -33,7 +34,7 @@ struct FilmOptions {
 };
 
 struct Film {
-  io::Camera camera;
+  FilmSize size;
   nerf::CameraPath path;
   std::vector<double> fov_y;  // of each frame, when the path was given [radians]; else empty
   double fps = 0;
@@ -49,13 +50,6 @@ inline constexpr std::array<float, 3> kUnseenTone = {0.085f, 0.09f, 0.1f};
 
 // Depth in turbo colours between near and far, faded to black where rays leave the scene.
 io::Image DepthPicture(const nerf::RenderedView& view, double near, double far);
-
-// Longer side of the default film.
-inline constexpr int kFilmSide = 1280;
-
-// The camera of the film: the first training camera, resized to even width and height. Without a width, the
-// longer side is kFilmSide, but not more than the photos have, nor less than the training pictures.
-io::Camera FilmCamera(const io::Scene& train, int width, int photo_side);
 
 // Frames of a film along `path` for FilmOptions::frames = 0.
 int DefaultFrames(const nerf::CameraPath& path, double fps);

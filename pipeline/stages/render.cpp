@@ -46,14 +46,14 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   for (const io::VideoReport& video : film.videos) stage.AddChildUse(video.cpu_s, video.peak_rss_bytes);
   stage.Set("frames", film.frames);
   stage.Set("fps", film.fps);
-  stage.Set("width", film.camera.width);
-  stage.Set("height", film.camera.height);
+  stage.Set("width", film.size.camera.width);
+  stage.Set("height", film.size.camera.height);
   if (film.rendered > 0) stage.Set("ms_per_frame", film.ms_per_frame);
   stage.Set("film_bytes", static_cast<double>(film.videos[0].bytes));
   std::printf("render: %d frames of %dx%d, %.0f ms each\n",
               film.frames,
-              film.camera.width,
-              film.camera.height,
+              film.size.camera.width,
+              film.size.camera.height,
               film.ms_per_frame);
   stage.Finish();
 }

@@ -11,6 +11,7 @@
 #include "io/process/interrupt.h"
 #include "io/process/resource_meter.h"
 #include "io/process/stopwatch.h"
+#include "nerf/rendering/capture_geometry.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/film.h"
 #include "pipeline/film/support_pictures.h"
@@ -22,15 +23,26 @@ using Clock = std::chrono::steady_clock;
 
 // Pixels between two looks at whether the picture is still wanted: some 50 ms of one core.
 constexpr int kBandPixels = 1 << 14;
+// While a hand moves, the sides of the field's picture under splats, as a share of those of the picture or,
+// if these are smaller, of the training pictures: about half of the time goes to field and splats each, and
+// nothing is seen of it (43 dB against the whole field, nerf/EXPERIMENTS.md).
+constexpr double kMovingFieldShare = 0.35;
 constexpr auto kTurnStep = std::chrono::milliseconds(5);
 
 double Now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
-nerf::RenderOptions OptionsOf(const FrameRequest& request, int threads) {
+nerf::RenderOptions OptionsOf(const FrameRequest& request, const io::Scene& scene, int threads) {
   nerf::RenderOptions options;
   options.threads = threads;
-  if (request.quality != ViewQuality::kFinest) options.step_scale = 1;
-  if (request.quality == ViewQuality::kFast) options.samples_per_pixel = 1;
+  options.splats = request.layer == ViewLayer::kColour;
+  if (request.quality != ViewQuality::kFinest) {
+    options.step_scale = 1;
+    options.field_focal_px = nerf::LongestFocalLength(scene);
+  }
+  if (request.quality == ViewQuality::kFast) {
+    options.samples_per_pixel = 1;
+    options.field_focal_px = kMovingFieldShare * std::min(options.field_focal_px, request.camera.fl_x);
+  }
   if (request.crop) {
     options.limits.crop = request.crop->box;
     options.background = request.crop->background;
@@ -129,18 +141,42 @@ nerf::RenderedView FrameMaker::Render(const FrameRequest& request,
                                       const LiveRun::Content& content,
                                       int threads) {
   if (!content.field) return RenderPoints(content.scene->points, request.camera, request.world_from_cam);
-  return content.field->Render(request.camera, request.world_from_cam, OptionsOf(request, threads));
+  return content.field->Render(
+      request.camera, request.world_from_cam, OptionsOf(request, *content.scene, threads));
 }
 
-std::optional<nerf::RenderedView> FrameMaker::RenderBand(const FrameRequest& band,
-                                                         const LiveRun::Content& content) {
+bool FrameMaker::InTurn(const FrameRequest& request,
+                        const LiveRun::Content& content,
+                        const std::function<void()>& part) {
   const std::lock_guard lock(render_mutex_);
-  while (IsWanted(band) && Now_s() < not_before_s_) std::this_thread::sleep_for(kTurnStep);
-  if (!IsWanted(band)) return std::nullopt;
+  while (IsWanted(request) && Now_s() < not_before_s_) std::this_thread::sleep_for(kTurnStep);
+  if (!IsWanted(request)) return false;
   const double begin_s = Now_s(), cpu_begin_s = io::ProcessCpuSeconds();
-  nerf::RenderedView view = Render(band, content, threads_);
+  part();
   if (content.is_training)
     not_before_s_ = begin_s + (io::ProcessCpuSeconds() - cpu_begin_s) / (training_share_ * threads_);
+  return true;
+}
+
+std::optional<nerf::RenderedView> FrameMaker::RenderInTurns(const FrameRequest& request,
+                                                            const LiveRun::Content& content) {
+  const nerf::RenderOptions options = OptionsOf(request, *content.scene, threads_);
+  nerf::RenderOptions of_bands = options;
+  of_bands.splats = false;
+  const io::Camera camera = content.field->FieldCamera(request.camera, options);
+  const int rows = std::max(1, kBandPixels / camera.width);
+  nerf::RenderedView view;
+  for (int begin = 0; begin < camera.height; begin += rows) {
+    const io::Camera band = Band(camera, begin, std::min(camera.height, begin + rows));
+    if (!InTurn(request, content, [&] {
+          Append(content.field->Render(band, request.world_from_cam, of_bands), &view);
+        }))
+      return std::nullopt;
+  }
+  if (!InTurn(request, content, [&] {
+        content.field->AddSplats(request.camera, request.world_from_cam, options, &view);
+      }))
+    return std::nullopt;
   return view;
 }
 
@@ -148,16 +184,14 @@ std::optional<ViewFrame> FrameMaker::Make(const FrameRequest& request, const Liv
   if (!content.scene) return std::nullopt;
   NoteRequest(request);
   const io::Stopwatch stopwatch;
-  nerf::RenderedView view;
-  const int rows = content.field ? std::max(1, kBandPixels / request.camera.width) : request.camera.height;
-  for (int begin = 0; begin < request.camera.height; begin += rows) {
-    FrameRequest band = request;
-    band.camera = Band(request.camera, begin, std::min(request.camera.height, begin + rows));
-    const std::optional<nerf::RenderedView> part = RenderBand(band, content);
-    if (!part) return std::nullopt;
-    Append(*part, &view);
+  std::optional<nerf::RenderedView> view;
+  if (content.field) {
+    view = RenderInTurns(request, content);
+  } else {
+    InTurn(request, content, [&] { view = Render(request, content, threads_); });
   }
-  return ViewFrame{.jpeg = io::EncodeImage(Picture(request, content, &view, threads_), ".jpg"),
+  if (!view) return std::nullopt;
+  return ViewFrame{.jpeg = io::EncodeImage(Picture(request, content, &*view, threads_), ".jpg"),
                    .render_ms = 1000 * stopwatch.seconds()};
 }
 

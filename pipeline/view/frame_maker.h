@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -50,8 +51,12 @@ class FrameMaker {
  private:
   void NoteRequest(const FrameRequest& request);
   bool IsWanted(const FrameRequest& request) const;
-  // A part of a picture, when it is its turn; nothing when the request was replaced meanwhile.
-  std::optional<nerf::RenderedView> RenderBand(const FrameRequest& band, const LiveRun::Content& content);
+  // Renders a part of a picture when it is its turn; false when the request was replaced meanwhile.
+  bool InTurn(const FrameRequest& request,
+              const LiveRun::Content& content,
+              const std::function<void()>& part);
+  std::optional<nerf::RenderedView> RenderInTurns(const FrameRequest& request,
+                                                  const LiveRun::Content& content);
 
   const int threads_;
   const double training_share_;

@@ -52,8 +52,8 @@ TEST_F(FilmTest, FilmAndDepthHaveAllFramesAndEvenSize) {
   options_.depth = true;
   const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
   EXPECT_EQ(film.rendered, 6);
-  EXPECT_EQ(film.camera.width, 82);
-  EXPECT_EQ(film.camera.height % 2, 0);
+  EXPECT_EQ(film.size.camera.width, 82);
+  EXPECT_EQ(film.size.camera.height % 2, 0);
   EXPECT_EQ(CountFrames(folder_ / "novel_view.mp4"), 6);
   EXPECT_EQ(CountFrames(folder_ / "depth.mp4"), 6);
   EXPECT_EQ(film.videos.size(), 2u);
@@ -97,8 +97,8 @@ TEST_F(FilmTest, AGivenPathIsFilmedAsItIs) {
   const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
   EXPECT_EQ(film.frames, 3);
   EXPECT_EQ(film.fps, 20);
-  EXPECT_EQ(film.camera.width, 64);
-  EXPECT_EQ(film.camera.height, 48);
+  EXPECT_EQ(film.size.camera.width, 64);
+  EXPECT_EQ(film.size.camera.height, 48);
   EXPECT_EQ(CountFrames(folder_ / "novel_view.mp4"), 3);
   const io::Image last = io::ReadImage(folder_ / "frames/000003.png");
   const nerf::RenderedView expected =
@@ -141,20 +141,20 @@ TEST_F(FilmTest, ShrinksUntilItFitsTheCeilingButNotBelowTheTrainingPictures) {
   options_.photo_side = 160;
   options_.ceiling_s = 1e-9;
   const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
-  EXPECT_EQ(film.camera.width, 82);
+  EXPECT_EQ(film.size.camera.width, 82);
   EXPECT_TRUE(std::any_of(film.decisions.begin(), film.decisions.end(), [](const std::string& line) {
     return line.find("instead of 160") != std::string::npos;
   }));
   // Going on, it keeps the size of the frames that are there.
   options_.ceiling_s = 1e9;
-  EXPECT_EQ(pipeline::RenderFilm(SphereField(), scene_, options_, folder_).camera.width, 82);
+  EXPECT_EQ(pipeline::RenderFilm(SphereField(), scene_, options_, folder_).size.camera.width, 82);
 }
 
 TEST_F(FilmTest, PosesOfTheFramesAreWritten) {
   const pipeline::Film film = pipeline::RenderFilm(SphereField(), scene_, options_, folder_);
   const io::Scene written = io::ReadTransforms(folder_ / "camera_path.json").scene;
   ASSERT_EQ(written.frames.size(), 6u);
-  EXPECT_EQ(written.cameras[0], film.camera);
+  EXPECT_EQ(written.cameras[0], film.size.camera);
   for (std::size_t i = 0; i < 6; ++i) {
     EXPECT_NEAR(
         (written.frames[i].world_from_cam.translation - film.path.world_from_cam[i].translation).norm(),

@@ -7,6 +7,7 @@
 
 #include "nerf/rendering/keyframe_path.h"
 #include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/film.h"
 #include "tests/support/scenes/sphere_field.h"
 
 namespace pipeline {
@@ -39,6 +40,66 @@ class SlowField : public tests::SphereField {
   }
   mutable std::atomic<bool> rendering = false, may_go_on = false;
 };
+
+// A field with splats, as it were: drawn at half the size and magnified, then tinted.
+class TwoStepField : public tests::SphereField {
+ public:
+  nerf::RenderedView Render(const io::Camera& camera,
+                            const io::Rigid3d& pose,
+                            const nerf::RenderOptions& options) const override {
+    nerf::RenderedView view = SphereField::Render(FieldCamera(camera, options), pose, options);
+    AddSplats(camera, pose, options, &view);
+    return view;
+  }
+  io::Camera FieldCamera(const io::Camera& camera, const nerf::RenderOptions& options) const override {
+    return options.splats ? io::ResizedCamera(camera, camera.width / 2, camera.height / 2) : camera;
+  }
+  void AddSplats(const io::Camera& camera,
+                 const io::Rigid3d&,
+                 const nerf::RenderOptions& options,
+                 nerf::RenderedView* view) const override {
+    if (!options.splats) return;
+    *view = nerf::Magnified(*view, camera.width, camera.height);
+    for (float& value : view->rgb) value *= 0.5f;
+  }
+};
+
+TEST(FrameMaker, BandsOfASmallerFieldMakeUpTheWholePicture) {
+  LiveRun::Content content = SphereContent();
+  const auto field = std::make_shared<TwoStepField>();
+  content.field = field;
+  FrameRequest request = RequestOf(content, 600, 400);
+  for (const ViewLayer layer : {ViewLayer::kColour, ViewLayer::kDepth}) {
+    request.layer = layer;
+    const nerf::RenderedView whole = FrameMaker::Render(request, content, 1);
+    const int n_before = field->n_renders;
+    const auto frame = FrameMaker(1, 0.2).Make(request, content);
+    ASSERT_TRUE(frame);
+    const int n_bands = field->n_renders - n_before;
+    EXPECT_EQ(n_bands, layer == ViewLayer::kColour ? 4 : 15);
+    const io::Image picture = layer == ViewLayer::kColour
+                                  ? QuantizeView(whole)
+                                  : DepthPicture(whole, content.scene->near, content.scene->far);
+    EXPECT_EQ(frame->jpeg, io::EncodeImage(picture, ".jpg"));
+  }
+}
+
+// The field's part is as fine as training pictures are; while a hand moves, much coarser.
+TEST(FrameMaker, TheFieldUnderSplatsIsAsFineAsTheTrainingPictures) {
+  const LiveRun::Content content = SphereContent();
+  FrameRequest request = RequestOf(content, 200, 100);
+  const auto& field = static_cast<const tests::SphereField&>(*content.field);
+  const double trained = content.scene->cameras[0].fl_x;
+  ASSERT_LT(trained, request.camera.fl_x);
+  const auto focal_of = [&](ViewQuality quality) {
+    request.quality = quality;
+    FrameMaker::Render(request, content, 1);
+    return field.last_options.field_focal_px;
+  };
+  EXPECT_EQ(focal_of(ViewQuality::kFinest), 0);
+  EXPECT_EQ(focal_of(ViewQuality::kFull), trained);
+  EXPECT_LT(focal_of(ViewQuality::kFast), 0.6 * trained);
+}
 
 TEST(FrameMaker, BandsMakeUpTheWholePicture) {
   const LiveRun::Content content = SphereContent();

@@ -1,0 +1,70 @@
+// Pictures of a checkpoint with splats: how large the field's part is drawn.
+#include "nerf/rendering/trained_field.h"
+
+#include <gtest/gtest.h>
+
+#include "nerf/fields/checkpoint.h"
+#include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/some_splats.h"
+
+namespace nerf {
+namespace {
+
+std::unique_ptr<TrainedField> SomeField(const Splats& splats) {
+  SceneField scene_field(
+      SceneContraction{},
+      SamplerOptions{},
+      std::make_unique<HashField>(
+          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
+          1),
+      64);
+  for (std::uint32_t cell = 0; cell < scene_field.grid.n_cells(); ++cell) scene_field.grid.SetCandidate(cell);
+  scene_field.grid.Rebuild();
+  scene_field.background = {0.9f, 0.1f, 0.4f};  // so that the fog in the cube has an edge
+  scene_field.splats = splats;
+  scene_field.splat_focal_px = 60;
+  const TempDir dir;
+  WriteCheckpoint(dir / "checkpoint.bin", &scene_field, {});
+  return TrainedField::Load(dir / "checkpoint.bin");
+}
+
+TEST(TrainedField, UnderSplatsAFieldOfALimitedFocalLengthIsMagnified) {
+  const SplatView view = tests::SomeView(80, 60);
+  const auto field = SomeField(tests::SomeSplats(40));
+  const RenderOptions limited{.field_focal_px = 0.5 * view.camera.fl_x};
+  const io::Camera small = field->FieldCamera(view.camera, limited);
+  EXPECT_EQ(small.width, 40);
+  EXPECT_EQ(small.height, 30);
+  EXPECT_NEAR(small.fl_x, 0.5 * view.camera.fl_x, 1e-9);
+
+  RenderedView steps = field->Render(small, view.world_from_cam, {.splats = false});
+  field->AddSplats(view.camera, view.world_from_cam, limited, &steps);
+  const RenderedView at_once = field->Render(view.camera, view.world_from_cam, limited);
+  EXPECT_EQ(at_once.width, 80);
+  EXPECT_EQ(at_once.rgb, steps.rgb);
+  EXPECT_EQ(at_once.depth, steps.depth);
+  const RenderedView whole = field->Render(view.camera, view.world_from_cam, {});
+  EXPECT_NE(at_once.rgb, whole.rgb);
+  // Fog is smooth: were the splats at another place, it would show.
+  for (std::size_t i = 0; i < whole.rgb.size(); ++i) EXPECT_NEAR(at_once.rgb[i], whole.rgb[i], 0.05);
+}
+
+TEST(TrainedField, WhereNoSplatsAreShownTheFieldHasThePicturesSize) {
+  const SplatView view = tests::SomeView(40, 30);
+  const RenderOptions limited{.field_focal_px = 10};
+  RenderOptions cropped = limited, without = limited, longer = limited;
+  cropped.limits.crop = CropBox{.size = {1, 1, 1}};
+  without.splats = false;
+  longer.field_focal_px = view.camera.fl_x;
+  const auto splats = SomeField(tests::SomeSplats(40)), none = SomeField({});
+  EXPECT_EQ(splats->FieldCamera(view.camera, cropped), view.camera);
+  EXPECT_EQ(splats->FieldCamera(view.camera, without), view.camera);
+  EXPECT_EQ(splats->FieldCamera(view.camera, longer), view.camera);
+  EXPECT_EQ(splats->FieldCamera(view.camera, {}), view.camera);
+  EXPECT_EQ(none->FieldCamera(view.camera, limited), view.camera);
+  EXPECT_EQ(none->Render(view.camera, view.world_from_cam, limited).rgb,
+            none->Render(view.camera, view.world_from_cam, {}).rgb);
+}
+
+}  // namespace
+}  // namespace nerf
