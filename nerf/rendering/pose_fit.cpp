@@ -76,8 +76,10 @@ Normal Compare(const TrainedField& field,
                const Level& level,
                const io::Rigid3d& world_from_cam,
                int threads) {
-  const RenderedView view = field.Render(
-      level.camera, world_from_cam, {.threads = threads, .samples_per_pixel = 1, .splats = false});
+  const RenderedView view =
+      field.Render(level.camera,
+                   world_from_cam,
+                   {.threads = threads, .step_scale = 1, .samples_per_pixel = 1, .splats = false});
   Normal normal;
   double n = 0;
   for (int y = 1; y + 1 < level.camera.height; ++y) {

@@ -6,7 +6,7 @@
 #include "io/base/error.h"
 #include "io/base/owned_folder.h"
 #include "io/process/process.h"
-#include "sfm/mapping/colmap_options.h"
+#include "sfm/colmap/colmap_options.h"
 
 namespace pipeline {
 namespace {

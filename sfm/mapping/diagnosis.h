@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "io/scene/colmap_model.h"
-#include "sfm/mapping/colmap_database.h"
+#include "sfm/colmap/colmap_database.h"
 #include "sfm/mapping/refusal.h"
 
 namespace sfm {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "sfm/mapping/colmap.h"
+#include "sfm/colmap/colmap.h"
 
 namespace sfm {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "io/scene/colmap_model.h"
+#include "sfm/colmap/colmap.h"
 #include "sfm/features/picture.h"
-#include "sfm/mapping/colmap.h"
 
 namespace sfm {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "io/scene/colmap_model.h"
-#include "sfm/mapping/colmap_database.h"
+#include "sfm/colmap/colmap_database.h"
 #include "sfm/mapping/found_model.h"
 
 namespace sfm {

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "io/scene/colmap_model.h"
+#include "sfm/colmap/colmap.h"
 #include "sfm/features/matching.h"
 #include "sfm/features/picture.h"
 #include "sfm/mapping/capture_blocks.h"
-#include "sfm/mapping/colmap.h"
 #include "sfm/mapping/diagnosis.h"
 
 namespace sfm {

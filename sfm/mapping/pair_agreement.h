@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "io/scene/scene.h"
+#include "sfm/colmap/colmap_database.h"
 #include "sfm/features/features.h"
-#include "sfm/mapping/colmap_database.h"
 
 namespace sfm {
 

@@ -11,7 +11,7 @@
 #include "io/base/error.h"
 #include "io/image/mask.h"
 #include "io/process/process.h"
-#include "sfm/mapping/colmap_database.h"
+#include "sfm/colmap/colmap_database.h"
 #include "sfm/synthetic/synthetic_capture.h"
 #include "tests/support/files/small_capture.h"
 #include "tests/support/programs/require_program.h"

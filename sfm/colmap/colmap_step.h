@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sfm/mapping/colmap.h"
+#include "sfm/colmap/colmap.h"
 
 namespace sfm {
 

@@ -1,5 +1,5 @@
 // What SQLite reports becomes the exit code that fits.
-#include "sfm/mapping/sqlite.h"
+#include "sfm/colmap/sqlite.h"
 
 #include <signal.h>
 #include <sys/resource.h>

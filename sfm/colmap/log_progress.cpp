@@ -1,4 +1,4 @@
-#include "sfm/mapping/log_progress.h"
+#include "sfm/colmap/log_progress.h"
 
 #include <fmt/format.h>
 

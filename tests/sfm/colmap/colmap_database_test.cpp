@@ -1,5 +1,5 @@
 // What goes into COLMAP's database comes out of it, and damage is noticed.
-#include "sfm/mapping/colmap_database.h"
+#include "sfm/colmap/colmap_database.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>

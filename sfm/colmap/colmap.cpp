@@ -1,4 +1,4 @@
-#include "sfm/mapping/colmap.h"
+#include "sfm/colmap/colmap.h"
 
 #include <fmt/format.h>
 #include <signal.h>
@@ -11,8 +11,8 @@
 #include "io/process/parallel.h"
 #include "io/process/process.h"
 #include "io/process/progress.h"
-#include "sfm/mapping/colmap_step.h"
-#include "sfm/mapping/log_progress.h"
+#include "sfm/colmap/colmap_step.h"
+#include "sfm/colmap/log_progress.h"
 
 namespace sfm {
 namespace {

@@ -1,4 +1,4 @@
-#include "sfm/mapping/colmap_database.h"
+#include "sfm/colmap/colmap_database.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <map>
 
 #include "io/base/error.h"
-#include "sfm/mapping/sqlite.h"
+#include "sfm/colmap/sqlite.h"
 
 namespace sfm {
 namespace {

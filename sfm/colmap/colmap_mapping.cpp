@@ -9,8 +9,8 @@
 #include "io/process/parallel.h"
 #include "io/process/progress.h"
 #include "io/scene/colmap_model.h"
-#include "sfm/mapping/colmap_step.h"
-#include "sfm/mapping/log_progress.h"
+#include "sfm/colmap/colmap_step.h"
+#include "sfm/colmap/log_progress.h"
 
 namespace sfm {
 namespace {

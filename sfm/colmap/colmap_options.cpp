@@ -1,4 +1,4 @@
-#include "sfm/mapping/colmap_options.h"
+#include "sfm/colmap/colmap_options.h"
 
 #include <initializer_list>
 

@@ -1,5 +1,5 @@
 // Option names of COLMAP 3.8, 3.13 and 4.0, from shortened help texts.
-#include "sfm/mapping/colmap_options.h"
+#include "sfm/colmap/colmap_options.h"
 
 #include <gtest/gtest.h>
 

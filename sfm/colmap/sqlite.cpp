@@ -1,4 +1,4 @@
-#include "sfm/mapping/sqlite.h"
+#include "sfm/colmap/sqlite.h"
 
 #include <memory>
 

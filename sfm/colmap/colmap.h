@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "sfm/mapping/colmap_database.h"
-#include "sfm/mapping/colmap_options.h"
+#include "sfm/colmap/colmap_database.h"
+#include "sfm/colmap/colmap_options.h"
 
 namespace sfm {
 

@@ -1,6 +1,6 @@
 // What the driver makes of a COLMAP that is missing, crashes, hangs, or lies: a stand-in `colmap` on PATH
 // plays each.
-#include "sfm/mapping/colmap.h"
+#include "sfm/colmap/colmap.h"
 
 #include <random>
 
