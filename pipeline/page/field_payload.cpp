@@ -6,6 +6,7 @@
 
 #include "io/base/check.h"
 #include "nerf/rendering/trained_field.h"
+#include "pipeline/page/splat_payload.h"
 
 namespace pipeline {
 namespace {
@@ -156,6 +157,11 @@ FieldPayload MakeFieldPayload(nerf::SceneField* scene_field, bool has_alpha) {
   }
   FieldPayload payload;
   AppendPart("weights", ShaderWeights(TensorOf(field, "weights")), &json, &payload.bytes);
+  if (scene_field->splats.size() > 0) {
+    const SplatPayload splats = MakeSplatPayload(*scene_field);
+    json["splats"] = splats.description;
+    AppendPart("splats", splats.words, &json, &payload.bytes);
+  }
   AppendPart("table", texels, &json, &payload.bytes);
   AppendPart("march", MarchCells(scene_field->grid), &json, &payload.bytes);
   AppendPart("trained", TrainedBytes(field->trained_cells()), &json, &payload.bytes);

@@ -47,14 +47,23 @@ std::size_t ExportPage(const io::Scene& train,
                     "Train with --field hash");
   nerf::TrainState state;
   const std::unique_ptr<nerf::SceneField> field = nerf::ReadCheckpoint(checkpoint, &state);
-  const FieldPayload payload = MakeFieldPayload(field.get(), state.channels == 4);
-  const std::string page = Fill(kScenePage,
-                                {{"STYLE", kScenePageStyle},
-                                 {"SCRIPT", kScenePageScript},
-                                 {"SHADER", kScenePageShader},
-                                 {"SCENE", ScriptJson(SceneJson(train, name))},
-                                 {"FIELD", payload.description},
-                                 {"BYTES", io::Base64(io::Gzip(payload.bytes))}});
+  const auto page_with = [&](const FieldPayload& payload) {
+    return Fill(kScenePage,
+                {{"STYLE", kScenePageStyle},
+                 {"SCRIPT", kScenePageScript},
+                 {"SHADER", kScenePageShader},
+                 {"SPLAT_VERTEX", kSplatVertexShader},
+                 {"SPLAT_FRAGMENT", kSplatFragmentShader},
+                 {"MIXING", kMixingShader},
+                 {"SCENE", ScriptJson(SceneJson(train, name))},
+                 {"FIELD", payload.description},
+                 {"BYTES", io::Base64(io::Gzip(payload.bytes))}});
+  };
+  std::string page = page_with(MakeFieldPayload(field.get(), state.channels == 4));
+  if (page.size() > kMaxPageBytes) {
+    field->splats = {};  // the field alone shows all, less sharply
+    page = page_with(MakeFieldPayload(field.get(), state.channels == 4));
+  }
   if (page.size() > kMaxPageBytes)
     throw io::Error(io::ExitCode::kBadInput,
                     file.string() + ": would have " + std::to_string(page.size() >> 20) +

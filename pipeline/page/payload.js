@@ -14,12 +14,15 @@ async function unpack(base64) {
   return new Uint8Array(await new Response(compressed.pipeThrough(new DecompressionStream('gzip'))).arrayBuffer());
 }
 
-// {description: sizes, scales and space; weights, table, march, trained: see field_payload.h}
+// {description: sizes, scales and space; weights, table, march, trained: see field_payload.h; splats: null or
+// {description, texels}, see splat_payload.h}
 async function loadField() {
   const description = JSON.parse(byId('field').textContent);
   const bytes = await unpack(byId('field-bytes').textContent.trim());
   const part = ([at, size]) => bytes.subarray(at, at + size);
-  const { weights, table, march, trained } = description.parts;
-  return { description, weights: new Float32Array(bytes.buffer, weights[0], weights[1] / 4), table: part(table),
+  const { weights, table, march, trained, splats } = description.parts;
+  const texels = splats && new Uint32Array(bytes.buffer, splats[0], splats[1] / 4);
+  return { splats: splats ? { description: description.splats, texels } : null,
+    description, weights: new Float32Array(bytes.buffer, weights[0], weights[1] / 4), table: part(table),
     march: part(march), trained: part(trained) };
 }

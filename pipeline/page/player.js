@@ -26,24 +26,32 @@ function cameraOf(v, width, height) {
   return { ...v, focal: [focal, focal], centre: [width / 2, height / 2], width, height };
 }
 
+function resized(size, share) { return size.map((side) => Math.max(8, Math.round(side * Math.sqrt(share)))); }
+
 // Small pictures while the view moves; at rest four times as many pixels from picture to picture, and at last
-// the finest.
+// the finest. Splats have the detail: the field under them needs no more pixels than the pictures it learned from.
 async function drawNext() {
   const [width, height] = fullSize(), area = width * height;
   if (picture.width !== width || picture.height !== height) {
     Object.assign(picture, { width, height });
     renderer.present();  // what was shown, until there is better
   }
-  const moving = dirty, quality = moving ? 0 : sharpness >= 1 ? 2 : 1;
-  const rate = renderer.rates[0];
-  const small = Math.max(rate * kFrameMs, Math.min(kLeastArea, rate * kSlowFrameMs)) / area;
-  const share = Math.min(1, moving ? small : sharpness >= 1 ? 1 : sharpness * 4);
-  const size = [width, height].map((side) => Math.max(8, Math.round(side * Math.sqrt(share))));
+  const splats = renderer.splats, most = splats ? splats.fieldShare(cameraOf(view, width, height)) : 1;
+  const moving = dirty, quality = moving ? 0 : sharpness >= most ? 2 : 1;
+  const shows = splats && (splats.areQuick || quality === 2);  // else they come last
+  const part = shows ? 0.5 : 1;                                // of the time
+  const within = (rate) =>
+    Math.min(1, Math.max(rate * kFrameMs * part, Math.min(kLeastArea, rate * kSlowFrameMs * part)) / area);
+  const share = Math.min(most, moving ? within(renderer.rates[0]) : sharpness >= most ? most : sharpness * 4);
+  const size = resized([width, height], share);
+  const whole = shows ? resized([width, height], moving ? Math.max(share, within(splats.rate)) : 1) : size;
   dirty = false;
   const began = performance.now();
-  if (!await renderer.draw(cameraOf(view, ...size), quality, () => !interrupted && (moving || !dirty))) return;
+  const wanted = () => !interrupted && (moving || !dirty);
+  const over = shows ? cameraOf(view, ...whole) : null;
+  if (!await renderer.draw(cameraOf(view, ...size), over, quality, wanted)) return;
   sharpness = quality === 2 ? 2 : share;
-  byId('status').textContent = `${size.join('x')}, ${(performance.now() - began).toFixed(0)} ms`;
+  byId('status').textContent = `${whole.join('x')}, ${(performance.now() - began).toFixed(0)} ms`;
 }
 
 async function refresh() {
@@ -82,9 +90,10 @@ async function snapshot(camera, quality = 2) {
   while (refreshing) await pause(5);
   refreshing = true;
   const { width, height } = camera;
-  await renderer.draw({ ...viewOf({ pose: camera.pose, height, focal: 1 }), ...camera }, quality, () => true);
+  const whole = { ...viewOf({ pose: camera.pose, height, focal: 1 }), ...camera };
+  await renderer.draw(whole, whole, quality, () => true);
   const pixels = new Uint8ClampedArray(4 * width * height), image = new ImageData(width, height);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, renderer.shown.frame);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, renderer.picture.frame);
   gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
   for (let y = 0; y < height; ++y)
     image.data.set(pixels.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));

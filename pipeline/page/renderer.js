@@ -1,4 +1,5 @@
-// The field in WebGL 2: pictures of a view, drawn tile by tile, so that no draw call holds the graphics card up.
+// The field in WebGL 2, and splats over it: pictures of a view. The field is drawn tile by tile, so that no draw call holds
+// the graphics card up.
 
 // Quality 0 while the view moves, 1 at rest, 2 as the program renders. Samples share colours until they weigh
 // least_weight together.
@@ -14,32 +15,31 @@ const kTableWidth = 2048;  // every WebGL 2 has textures of that size
 
 const gl = picture.getContext('webgl2', { antialias: false, depth: false, preserveDrawingBuffer: true });
 
-function shaderConstants({ space, grid_resolution, trained_resolution, kept_levels }) {
-  const real = (value) => { const text = String(value); return /[.e]/.test(text) ? text : text + '.0'; };
-  const constants = { TABLE_WIDTH: kTableWidth, TABLE_SHIFT: Math.log2(kTableWidth), TRAINED: trained_resolution,
+const real = (value) => { const text = String(value); return /[.e]/.test(text) ? text : text + '.0'; };
+
+function fieldConstants({ space, grid_resolution, trained_resolution, kept_levels }) {
+  return { TABLE_WIDTH: kTableWidth, TABLE_SHIFT: Math.log2(kTableWidth), TRAINED: trained_resolution,
     KEPT_LEVELS: kept_levels, GRID: grid_resolution, NEAR: real(space.near), FAR: real(space.far),
     CENTRE: `vec3(${space.centre.map(real)})`, HALF: real(space.half), UNBOUNDED: space.unbounded,
     ENDS_AT_INFINITY: space.ends_at_infinity, STEP_SIZE: real(space.step_size), CONE_ANGLE: real(space.cone_angle),
     BACKGROUND: `vec3(${space.background.map(real)})` };
-  return Object.entries(constants).map(([name, value]) => `#define ${name} ${value}\n`).join('');
 }
 
-function makeProgram(description) {
+// Of two shaders in the page, with constants by name.
+function makeProgram(constants, vertex, fragment) {
   const program = gl.createProgram();
-  const attach = (kind, text) => {
+  const head = Object.entries(constants).map(([name, value]) => `#define ${name} ${value}\n`).join('');
+  const attach = (kind, id) => {
     const shader = gl.createShader(kind);
-    gl.shaderSource(shader, '#version 300 es\n' + text);
+    gl.shaderSource(shader, '#version 300 es\n' + head + byId(id).textContent);
     gl.compileShader(shader);
     gl.attachShader(program, shader);
     return shader;
   };
-  // One triangle that covers everything.
-  attach(gl.VERTEX_SHADER,
-    'void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }');
-  const fragment = attach(gl.FRAGMENT_SHADER, shaderConstants(description) + byId('shader').textContent);
+  const shaders = [attach(gl.VERTEX_SHADER, vertex), attach(gl.FRAGMENT_SHADER, fragment)];
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
-    throw new Error(gl.getShaderInfoLog(fragment) || gl.getProgramInfoLog(program));
+    throw new Error(shaders.map((shader) => gl.getShaderInfoLog(shader)).join('') || gl.getProgramInfoLog(program));
   return program;
 }
 
@@ -60,11 +60,12 @@ function uploadWeights(program, field) {
   });
 }
 
-function bindTexture(unit, kind) {
+function bindTexture(unit, kind, between = gl.NEAREST) {
   gl.activeTexture(gl.TEXTURE0 + unit);
   const texture = gl.createTexture();
   gl.bindTexture(kind, texture);
-  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(kind, filter, gl.NEAREST);
+  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(kind, filter, between);
+  for (const edge of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(kind, edge, gl.CLAMP_TO_EDGE);
   return texture;
 }
 
@@ -87,15 +88,16 @@ function uploadTextures(program, field) {
 }
 
 // A picture on the graphics card.
-function makeTarget() {
-  return { frame: gl.createFramebuffer(), texture: bindTexture(3, gl.TEXTURE_2D), width: 0, height: 0 };
+function makeTarget(format = gl.RGBA8) {
+  return { frame: gl.createFramebuffer(), texture: bindTexture(3, gl.TEXTURE_2D, gl.LINEAR), format, width: 0, height: 0 };
 }
 
 function resizeTarget(target, width, height) {
   if (target.width === width && target.height === height) return;
   gl.activeTexture(gl.TEXTURE3);
   gl.bindTexture(gl.TEXTURE_2D, target.texture);
-  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+  const kind = target.format === gl.RGBA8 ? gl.UNSIGNED_BYTE : gl.HALF_FLOAT;
+  gl.texImage2D(gl.TEXTURE_2D, 0, target.format, width, height, 0, gl.RGBA, kind, null);
   gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
   gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target.texture, 0);
   Object.assign(target, { width, height });
@@ -125,11 +127,13 @@ function drawn() {
 class Renderer {
   constructor(field) {
     this.space = field.description.space;
-    const program = makeProgram(field.description);
-    gl.useProgram(program);
-    this.uniform = (name) => gl.getUniformLocation(program, name);
-    uploadWeights(program, field);
-    uploadTextures(program, field);
+    this.program = makeProgram(fieldConstants(field.description), 'cover', 'shader');
+    gl.useProgram(this.program);
+    this.uniform = (name) => gl.getUniformLocation(this.program, name);
+    uploadWeights(this.program, field);
+    uploadTextures(this.program, field);
+    this.isMixed = false;
+    this.splats = field.splats ? new Splats(field.splats) : null;
     this.presented = 0;
     this.shown = makeTarget();
     this.next = makeTarget();
@@ -139,6 +143,7 @@ class Renderer {
   // camera: {x, y, z, at, focal: [x, y], centre: [x, y], width, height} with lengths in pixels
   aim(camera, quality) {
     const { least_transmittance, least_weight, step_scale, rays } = kQualities[quality];
+    gl.useProgram(this.program);
     gl.uniform3fv(this.uniform('origin'), camera.at);
     gl.uniformMatrix3fv(this.uniform('rotation'), false, [...camera.x, ...camera.y, ...camera.z]);
     gl.uniform4f(this.uniform('intrinsics'), 1 / camera.focal[0], 1 / camera.focal[1], ...camera.centre);
@@ -150,6 +155,7 @@ class Renderer {
   }
 
   async drawTile(x, y, width, height, quality) {
+    gl.useProgram(this.program);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.next.frame);
     gl.viewport(0, 0, this.next.width, this.next.height);
     gl.enable(gl.SCISSOR_TEST);
@@ -161,10 +167,13 @@ class Renderer {
     this.rates[quality] = before * Math.min(2, Math.max(0.25, rate / before));
   }
 
-  // Tiles in reading order from the top, shown as they are done, as long as isWanted(); while the view moves, a tile for
-  // all, whose size the caller bounds. Whether all were drawn.
-  async draw(camera, quality, isWanted) {
+  // The field in tiles in reading order from the top, shown as they are done, as long as isWanted(); while the view
+  // moves, a tile for all, whose size the caller bounds. Whether all were drawn. Splats lie over it as `over` sees them,
+  // the same view with as many pixels or more; null: none.
+  async draw(camera, over, quality, isWanted) {
     const { width, height } = camera;
+    this.isMixed = this.splats !== null && over !== null;
+    if (this.isMixed) await this.splats.draw(over);
     resizeTarget(this.next, width, height);
     if (this.shown.width > 0) copyTarget(this.shown, this.next);
     this.aim(camera, quality);
@@ -183,9 +192,13 @@ class Renderer {
     return !gl.isContextLost();
   }
 
+  // What is presented, on the graphics card.
+  get picture() { return this.isMixed ? this.splats.mixed : this.shown; }
+
   present(target = this.shown) {
     if (target.width === 0) return;
     this.presented = performance.now();
+    if (this.isMixed) target = this.splats.mix(target);
     copyTarget(target, { frame: null, width: gl.drawingBufferWidth, height: gl.drawingBufferHeight });
   }
 }

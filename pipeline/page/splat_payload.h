@@ -1,0 +1,28 @@
+// The scene's splats as the page's shader reads them (splat_vertex.glsl): two RGBA32UI texels each,
+//
+//   x, y, z   float32, scene units
+//   rotation  w x y z, a byte each: 128 + 127 q for q of length 1
+//   look 0    bytes: log scales, (l - lowest_scale) / scale_step; the last harmonic of blue
+//   look 1    bytes: opacity, 255 of it; first harmonic of red, green, blue
+//   look 2, 3 bytes: the other harmonics of r, g, b, in their order, but the last
+//
+// with harmonics as 128 + k / colour_step, one step for the first and one for the others.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "nerf/fields/scene_field.h"
+
+namespace pipeline {
+
+struct SplatPayload {
+  nlohmann::ordered_json description;  // the shader's constants, and how splats and field are mixed
+  std::vector<std::uint32_t> words;    // [n][8]
+};
+
+// The field must have splats.
+SplatPayload MakeSplatPayload(const nerf::SceneField& scene_field);
+
+}  // namespace pipeline
