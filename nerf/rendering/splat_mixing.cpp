@@ -1,16 +1,47 @@
 #include "nerf/rendering/splat_mixing.h"
 
 #include <algorithm>
-
-#include "nerf/splatting/splat_rasteriser.h"
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 namespace nerf {
+namespace {
 
-SplatView SplatViewOf(const SceneField& scene_field,
-                      const io::Camera& camera,
-                      const io::Rigid3d& world_from_cam) {
-  const double zoom = std::max(1.0, camera.fl_x / static_cast<double>(scene_field.splat_focal_px));
-  return {camera, world_from_cam, zoom * zoom * kLowPass};
+// Pictures of wide angles are not drawn larger than this, in sides of what is wanted.
+constexpr double kMostShrink = 4;
+
+// Each pixel is the mean of what it covers.
+std::vector<float> Shrunk(const std::vector<float>& values,
+                          const io::Camera& from,
+                          const io::Camera& to,
+                          int channels) {
+  std::vector<float> shrunk(static_cast<std::size_t>(to.width) *
+                            static_cast<std::size_t>(to.height * channels));
+  const cv::Mat large(from.height, from.width, CV_32FC(channels), const_cast<float*>(values.data()));
+  cv::Mat small(to.height, to.width, CV_32FC(channels), shrunk.data());
+  cv::resize(large, small, small.size(), 0, 0, cv::INTER_AREA);
+  return shrunk;
+}
+
+}  // namespace
+
+SplatPicture RenderSplats(const SceneField& scene_field,
+                          const io::Camera& camera,
+                          const io::Rigid3d& world_from_cam,
+                          SplatRasteriser* rasteriser) {
+  const double zoom = camera.fl_x / static_cast<double>(scene_field.splat_focal_px);
+  if (zoom >= kLeastZoom) {
+    const double magnified = std::max(1.0, zoom);
+    return rasteriser->Render(scene_field.splats, {camera, world_from_cam, magnified * magnified * kLowPass});
+  }
+  const double times = std::min(kMostShrink, 1 / zoom);
+  const io::Camera large = io::ResizedCamera(camera,
+                                             static_cast<int>(std::ceil(times * camera.width)),
+                                             static_cast<int>(std::ceil(times * camera.height)));
+  const SplatPicture picture = rasteriser->Render(scene_field.splats, {large, world_from_cam, kLowPass});
+  return {.rgb = Shrunk(picture.rgb, large, camera, 3),
+          .transmittance = Shrunk(picture.transmittance, large, camera, 1)};
 }
 
 void MixSplats(const SceneField& scene_field,
@@ -19,8 +50,8 @@ void MixSplats(const SceneField& scene_field,
                io::Workers* workers,
                std::vector<float>* rgb) {
   if (scene_field.splats.size() == 0) return;
-  const SplatPicture picture =
-      SplatRasteriser(workers).Render(scene_field.splats, SplatViewOf(scene_field, camera, world_from_cam));
+  SplatRasteriser rasteriser(workers);
+  const SplatPicture picture = RenderSplats(scene_field, camera, world_from_cam, &rasteriser);
   for (std::size_t i = 0; i < rgb->size(); ++i)
     (*rgb)[i] = MixedValue((*rgb)[i], picture.rgb[i], picture.transmittance[i / 3], scene_field.splat_share);
 }

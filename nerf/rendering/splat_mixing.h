@@ -10,6 +10,7 @@
 
 #include "io/process/parallel.h"
 #include "nerf/fields/scene_field.h"
+#include "nerf/splatting/splat_rasteriser.h"
 
 namespace nerf {
 
@@ -19,11 +20,15 @@ inline float MixedValue(float field, float splats, float transmittance, float sh
   return std::clamp(field + share * (over - field), 0.f, 1.f);
 }
 
-// A view for the scene's splats. Their pictures were fitted with a focal length of splat_focal_px, through
-// whose pixels they look: a longer one magnifies these.
-SplatView SplatViewOf(const SceneField& scene_field,
-                      const io::Camera& camera,
-                      const io::Rigid3d& world_from_cam);
+// The scene's splats as a camera sees them. They were fitted to pictures with a focal length of
+// splat_focal_px, through whose pixels they look: a longer one magnifies these; for one shorter than
+// kLeastZoom of it the picture of the fit is shrunk, since splats of a pixel would cover as much of larger
+// pixels.
+SplatPicture RenderSplats(const SceneField& scene_field,
+                          const io::Camera& camera,
+                          const io::Rigid3d& world_from_cam,
+                          SplatRasteriser* rasteriser);
+inline constexpr double kLeastZoom = 0.8;
 
 // rgb: [height][width][3], of the field, background included. Without splats nothing changes.
 void MixSplats(const SceneField& scene_field,

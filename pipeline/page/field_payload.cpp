@@ -120,6 +120,25 @@ Json SpaceJson(const nerf::SceneField& scene_field, bool has_alpha) {
           {"background", scene_field.Background(has_alpha, kWhite)}};
 }
 
+// Constants of the shader, and how splats and field are mixed.
+Json SplatsJson(const nerf::SceneField& scene_field, const SplatPayload& payload) {
+  return {{"share", scene_field.splat_share},
+          {"focal_px", scene_field.splat_focal_px},
+          {"low_pass", nerf::kLowPass},
+          {"slope_margin", nerf::kSlopeMargin},
+          {"nearest", nerf::kNearestSplat},
+          {"constants",
+           {{"NEAREST", nerf::kNearestSplat},
+            {"MIN_ALPHA", nerf::kernels::kMinSplatAlpha},
+            {"MAX_ALPHA", nerf::kernels::kMaxSplatAlpha},
+            {"HARMONIC0", nerf::kHarmonic0},
+            {"HARMONIC1", nerf::kHarmonic1},
+            {"LOWEST_SCALE", payload.lowest_scale},
+            {"SCALE_STEP", payload.scale_step},
+            {"COLOUR0", payload.colour_steps[0]},
+            {"COLOUR1", payload.colour_steps[1]}}}};
+}
+
 }  // namespace
 
 QuantizedLevel QuantizeLevel(std::span<const float> features) {
@@ -158,8 +177,8 @@ FieldPayload MakeFieldPayload(nerf::SceneField* scene_field, bool has_alpha) {
   FieldPayload payload;
   AppendPart("weights", ShaderWeights(TensorOf(field, "weights")), &json, &payload.bytes);
   if (scene_field->splats.size() > 0) {
-    const SplatPayload splats = MakeSplatPayload(*scene_field);
-    json["splats"] = splats.description;
+    const SplatPayload splats = MakeSplatPayload(scene_field->splats);
+    json["splats"] = SplatsJson(*scene_field, splats);
     AppendPart("splats", splats.words, &json, &payload.bytes);
   }
   AppendPart("table", texels, &json, &payload.bytes);

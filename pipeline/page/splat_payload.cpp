@@ -1,6 +1,7 @@
 #include "pipeline/page/splat_payload.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -20,12 +21,7 @@ std::uint32_t Word(const std::array<float, 4>& bytes) {
   return word;
 }
 
-// How values become bytes.
-struct Steps {
-  float lowest_scale = 0, scale = 1, colour[2] = {1, 1};
-};
-
-Steps StepsOf(const Splats& splats) {
+SplatPayload StepsOf(const Splats& splats) {
   const auto [low, high] = std::minmax_element(splats.log_scales.begin(), splats.log_scales.end());
   constexpr float kLeast = 1e-6f;  // where all values are equal
   float most[2] = {kLeast, kLeast};
@@ -34,11 +30,13 @@ Steps StepsOf(const Splats& splats) {
     largest = std::max(largest, std::fabs(splats.colours[i]));
   }
   return {.lowest_scale = *low,
-          .scale = std::max(kLeast, (*high - *low) / 255),
-          .colour = {most[0] / 127, most[1] / 127}};
+          .scale_step = std::max(kLeast, (*high - *low) / 255),
+          .colour_steps = {most[0] / 127, most[1] / 127},
+          .words = {}};
 }
 
-void AppendSplat(const Splats& splats, std::size_t i, const Steps& steps, std::vector<std::uint32_t>* words) {
+void AppendSplat(const Splats& splats, std::size_t i, SplatPayload* payload) {
+  std::vector<std::uint32_t>* const words = &payload->words;
   for (std::size_t k = 0; k < 3; ++k)
     words->push_back(std::bit_cast<std::uint32_t>(splats.places[3 * i + k]));
   std::array<float, 4> q;
@@ -49,10 +47,10 @@ void AppendSplat(const Splats& splats, std::size_t i, const Steps& steps, std::v
 
   std::array<float, kValues> colour;
   for (std::size_t k = 0; k < kValues; ++k)
-    colour[k] = 128 + splats.colours[kValues * i + k] / steps.colour[k < 3 ? 0 : 1];
+    colour[k] = 128 + splats.colours[kValues * i + k] / payload->colour_steps[k < 3 ? 0 : 1];
   std::array<float, 3> scale;
   for (std::size_t k = 0; k < 3; ++k)
-    scale[k] = (splats.log_scales[3 * i + k] - steps.lowest_scale) / steps.scale;
+    scale[k] = (splats.log_scales[3 * i + k] - payload->lowest_scale) / payload->scale_step;
   const float opacity = 255 / (1 + std::exp(-splats.opacities[i]));
   words->push_back(Word({scale[0], scale[1], scale[2], colour[11]}));
   words->push_back(Word({opacity, colour[0], colour[1], colour[2]}));
@@ -62,26 +60,9 @@ void AppendSplat(const Splats& splats, std::size_t i, const Steps& steps, std::v
 
 }  // namespace
 
-SplatPayload MakeSplatPayload(const nerf::SceneField& scene_field) {
-  const Splats& splats = scene_field.splats;
-  const Steps steps = StepsOf(splats);
-  SplatPayload payload;
-  for (std::size_t i = 0; i < splats.size(); ++i) AppendSplat(splats, i, steps, &payload.words);
-  payload.description = {{"share", scene_field.splat_share},
-                         {"focal_px", scene_field.splat_focal_px},
-                         {"low_pass", nerf::kLowPass},
-                         {"slope_margin", nerf::kSlopeMargin},
-                         {"nearest", nerf::kNearestSplat},
-                         {"constants",
-                          {{"NEAREST", nerf::kNearestSplat},
-                           {"MIN_ALPHA", nerf::kernels::kMinSplatAlpha},
-                           {"MAX_ALPHA", nerf::kernels::kMaxSplatAlpha},
-                           {"HARMONIC0", nerf::kHarmonic0},
-                           {"HARMONIC1", nerf::kHarmonic1},
-                           {"LOWEST_SCALE", steps.lowest_scale},
-                           {"SCALE_STEP", steps.scale},
-                           {"COLOUR0", steps.colour[0]},
-                           {"COLOUR1", steps.colour[1]}}}};
+SplatPayload MakeSplatPayload(const Splats& splats) {
+  SplatPayload payload = StepsOf(splats);
+  for (std::size_t i = 0; i < splats.size(); ++i) AppendSplat(splats, i, &payload);
   return payload;
 }
 

@@ -10,19 +10,19 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <vector>
 
-#include "nerf/fields/scene_field.h"
+#include "nerf/splatting/splats.h"
 
 namespace pipeline {
 
 struct SplatPayload {
-  nlohmann::ordered_json description;  // the shader's constants, and how splats and field are mixed
-  std::vector<std::uint32_t> words;    // [n][8]
+  float lowest_scale = 0, scale_step = 1;
+  float colour_steps[2] = {1, 1};    // of first harmonics and of the others
+  std::vector<std::uint32_t> words;  // [n][8]
 };
 
-// The field must have splats.
-SplatPayload MakeSplatPayload(const nerf::SceneField& scene_field);
+// At least one splat.
+SplatPayload MakeSplatPayload(const nerf::Splats& splats);
 
 }  // namespace pipeline

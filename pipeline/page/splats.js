@@ -2,6 +2,9 @@
 // with the field's picture.
 
 const kDepthSteps = 1 << 16;
+// As RenderSplats in nerf/rendering/splat_mixing.h: pictures of less than this share of the size that the splats were
+// fitted to are that picture, shrunk, up to so many times.
+const kLeastZoom = 0.8, kMostShrink = 4;
 const kSplatUnit = 4, kMixedFieldUnit = 5, kMixedSplatsUnit = 6;
 
 // Splats in front of the camera from the farthest on: a counting sort of their depths' logarithms.
@@ -23,6 +26,13 @@ function sortByDepth(places, origin, forward, nearest, order) {
   for (let k = 0; k < kDepthSteps; ++k) begins[k + 1] += begins[k];
   for (let i = 0; i < n; ++i) if (depths[i] > nearest) order[begins[steps[i]]++] = i;
   return begins[kDepthSteps - 1];
+}
+
+function magnified(camera, times) {
+  const [width, height] = [camera.width, camera.height].map((side) => Math.ceil(times * side));
+  const scale = [width / camera.width, height / camera.height];
+  return { ...camera, width, height, focal: camera.focal.map((value, i) => scale[i] * value),
+    centre: camera.centre.map((value, i) => scale[i] * value) };
 }
 
 class Splats {
@@ -101,6 +111,10 @@ class Splats {
     const view = JSON.stringify([camera.at, camera.x, camera.y, camera.focal, camera.centre, camera.width, camera.height]);
     if (view === this.drawnFor) return;
     this.drawnFor = view;
+    this.size = [camera.width, camera.height];
+    const zoom = camera.focal[0] / this.focal_px;
+    this.isShrunk = zoom < kLeastZoom;
+    if (this.isShrunk) camera = magnified(camera, Math.min(kMostShrink, 1 / zoom));
     const began = performance.now(), forward = camera.z.map((value) => -value);
     const n = sortByDepth(this.places, camera.at, forward, this.nearest, this.order);
     resizeTarget(this.picture, camera.width, camera.height);
@@ -120,7 +134,7 @@ class Splats {
 
   // The mixture with a field's picture of the same view, which may have fewer pixels.
   mix(field) {
-    const { width, height } = this.picture;
+    const [width, height] = this.size;
     resizeTarget(this.mixed, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.mixed.frame);
     gl.viewport(0, 0, width, height);
@@ -131,6 +145,8 @@ class Splats {
     gl.bindTexture(gl.TEXTURE_2D, field.texture);
     gl.activeTexture(gl.TEXTURE0 + kMixedSplatsUnit);
     gl.bindTexture(gl.TEXTURE_2D, this.picture.texture);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, this.isShrunk ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
+    if (this.isShrunk) gl.generateMipmap(gl.TEXTURE_2D);
     gl.uniform1i(at('field'), kMixedFieldUnit);
     gl.uniform1i(at('splats'), kMixedSplatsUnit);
     gl.uniform2f(at('size'), width, height);

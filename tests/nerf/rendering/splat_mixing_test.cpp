@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "nerf/splatting/plain_rasteriser.h"
 #include "tests/support/scenes/some_splats.h"
 
@@ -51,14 +53,52 @@ TEST_F(SplatMixing, WithoutSplatsItIsTheField) {
   for (const float value : Mixed()) EXPECT_EQ(value, 0.25f);
 }
 
-// Pictures that were fitted through pixels of one size look through them at every magnification.
-TEST_F(SplatMixing, ALongerFocalLengthMagnifiesThePixelsOfTheFit) {
-  io::Camera camera = view_.camera;
-  EXPECT_NEAR(SplatViewOf(scene_field_, camera, view_.world_from_cam).low_pass, kLowPass, 1e-6);
-  camera.fl_x *= 3, camera.fl_y *= 3;
-  EXPECT_NEAR(SplatViewOf(scene_field_, camera, view_.world_from_cam).low_pass, 9 * kLowPass, 1e-4);
-  camera.fl_x /= 30;
-  EXPECT_NEAR(SplatViewOf(scene_field_, camera, view_.world_from_cam).low_pass, kLowPass, 1e-6);
+double MeanDifference(const std::vector<float>& a, const std::vector<float>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += std::abs(static_cast<double>(a[i]) - b[i]);
+  return sum / static_cast<double>(a.size());
+}
+
+// Splats look through the pixels of the pictures that they were fitted to: a picture of another size is that
+// picture, magnified or shrunk.
+TEST_F(SplatMixing, PicturesOfAllSizesAreThatOfTheFit) {
+  scene_field_.splats = tests::SomeSplats(60);
+  for (float& scale : scene_field_.splats.log_scales) scale -= 2;  // thinner than pixels
+  SplatRasteriser rasteriser(&workers_);
+  const SplatPicture fitted = rasteriser.Render(scene_field_.splats, view_);
+  const auto picture_of = [&](int width, int height) {
+    return RenderSplats(
+        scene_field_, io::ResizedCamera(view_.camera, width, height), view_.world_from_cam, &rasteriser);
+  };
+  EXPECT_EQ(picture_of(24, 16).rgb, fitted.rgb);
+
+  // Means of 4 x 4 pixels. As if they were fitted to the small pictures, thin splats would cover more.
+  const SplatPicture small = picture_of(6, 4);
+  std::vector<float> means(small.rgb.size());
+  for (std::size_t i = 0; i < fitted.rgb.size(); ++i) {
+    const std::size_t x = i / 3 % 24 / 4, y = i / 72 / 4;
+    means[3 * (6 * y + x) + i % 3] += fitted.rgb[i] / 16;
+  }
+  EXPECT_LT(MeanDifference(small.rgb, means), 1e-6);
+  scene_field_.splat_focal_px /= 4;
+  EXPECT_GT(MeanDifference(picture_of(6, 4).rgb, means), 0.01);
+
+  // A pixel of three times the size is what the fit's pixel shows.
+  scene_field_.splat_focal_px *= 4;
+  const SplatPicture large = picture_of(72, 48);
+  std::vector<float> middles;
+  for (std::size_t i = 0; i < fitted.rgb.size(); ++i)
+    middles.push_back(large.rgb[3 * (72 * (3 * (i / 72) + 1) + 3 * (i / 3 % 24) + 1) + i % 3]);
+  EXPECT_LT(MeanDifference(middles, fitted.rgb), 0.002);
+}
+
+// A picture of a very wide angle stays small.
+TEST_F(SplatMixing, AWideAngleIsShrunkFourTimesAtMost) {
+  scene_field_.splats = tests::SomeSplats(60);
+  scene_field_.splat_focal_px *= 1000;
+  SplatRasteriser rasteriser(&workers_);
+  EXPECT_EQ(RenderSplats(scene_field_, view_.camera, view_.world_from_cam, &rasteriser).transmittance.size(),
+            24u * 16u);
 }
 
 }  // namespace

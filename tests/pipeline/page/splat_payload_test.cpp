@@ -14,35 +14,20 @@ namespace {
 double Byte(std::uint32_t word, int i) { return word >> (8 * i) & 255u; }
 
 TEST(SplatPayload, LeadsBackToTheValues) {
-  nerf::SceneField scene_field(
-      nerf::SceneContraction{},
-      nerf::SamplerOptions{},
-      std::make_unique<nerf::HashField>(
-          nerf::HashFieldOptions{
-              .grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
-  scene_field.splats = tests::SomeSplats(50);
-  scene_field.splat_share = 0.375f, scene_field.splat_focal_px = 432;
-  const nerf::Splats& splats = scene_field.splats;
-  const SplatPayload payload = MakeSplatPayload(scene_field);
+  const nerf::Splats splats = tests::SomeSplats(50);
+  const SplatPayload payload = MakeSplatPayload(splats);
   ASSERT_EQ(payload.words.size(), 8 * splats.size());
-  EXPECT_EQ(payload.description["share"], 0.375);
-  EXPECT_EQ(payload.description["focal_px"], 432);
-  const auto constant = [&](const char* name) {
-    return payload.description["constants"][name].get<double>();
-  };
-  const double steps[] = {constant("COLOUR0"), constant("COLOUR1")}, scale_step = constant("SCALE_STEP");
+  const double scale_step = payload.scale_step;
   for (std::size_t i = 0; i < splats.size(); ++i) {
     const std::uint32_t* words = &payload.words[8 * i];
+    double length = 0;
+    for (std::size_t k = 0; k < 4; ++k) length = std::hypot(length, splats.rotations[4 * i + k]);
     for (std::size_t k = 0; k < 3; ++k) {
       EXPECT_EQ(std::bit_cast<float>(words[k]), splats.places[3 * i + k]);
-      EXPECT_NEAR(constant("LOWEST_SCALE") + scale_step * Byte(words[4], static_cast<int>(k)),
+      EXPECT_NEAR(payload.lowest_scale + scale_step * Byte(words[4], static_cast<int>(k)),
                   splats.log_scales[3 * i + k],
                   0.501 * scale_step);
     }
-    double length = 0;
-    for (std::size_t k = 0; k < 4; ++k) length = std::hypot(length, splats.rotations[4 * i + k]);
     for (std::size_t k = 0; k < 4; ++k)
       EXPECT_NEAR(
           (Byte(words[3], static_cast<int>(k)) - 128) / 127, splats.rotations[4 * i + k] / length, 0.0041);
@@ -61,24 +46,17 @@ TEST(SplatPayload, LeadsBackToTheValues) {
                             Byte(words[7], 3),
                             Byte(words[4], 3)};
     for (std::size_t k = 0; k < 12; ++k) {
-      const double step = steps[k < 3 ? 0 : 1];
+      const double step = payload.colour_steps[k < 3 ? 0 : 1];
       EXPECT_NEAR((bytes[k] - 128) * step, splats.colours[12 * i + k], 0.501 * step) << k;
     }
   }
 }
 
 TEST(SplatPayload, EqualValuesAreNoDivisionByZero) {
-  nerf::SceneField scene_field(
-      nerf::SceneContraction{},
-      nerf::SamplerOptions{},
-      std::make_unique<nerf::HashField>(
-          nerf::HashFieldOptions{
-              .grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
-  scene_field.splats.resize(2);  // all zero but their turn
-  for (std::size_t i = 0; i < 2; ++i) scene_field.splats.rotations[4 * i] = 1;
-  const SplatPayload payload = MakeSplatPayload(scene_field);
+  nerf::Splats splats;
+  splats.resize(2);  // all zero but their turn
+  for (std::size_t i = 0; i < 2; ++i) splats.rotations[4 * i] = 1;
+  const SplatPayload payload = MakeSplatPayload(splats);
   EXPECT_EQ(Byte(payload.words[5], 0), 128);  // opacity 1 / 2
   EXPECT_EQ(Byte(payload.words[5], 1), 128);  // no colour
   EXPECT_EQ(Byte(payload.words[4], 0), 0);
