@@ -23,11 +23,6 @@ constexpr int kAdjustments = 2;
 // With so many pictures in common their points decide, with fewer that picture which has most.
 constexpr int kManyShared = 5;
 
-// Points that both sides see in the end, and points of each picture behind the gap: as many as COLMAP asks of
-// two pictures, and of one that it adds on half the evidence. Wrong places keep hardly any, because three
-// pictures must confirm each of them (office68: 39 across, 37 or more of each picture).
-constexpr int kMinPoints = 15;
-
 using Pair = std::pair<std::string, std::string>;
 
 std::set<Pair> NamedPairs(const std::vector<std::string>& names, const std::vector<PairMatches>& matches) {
@@ -94,26 +89,7 @@ class Gap {
     return FoundModel{*path, reader_.Read(*path)};
   }
 
-  // Whether both sides see enough points in common, and each picture behind the gap sees enough at all.
-  bool IsHeldTogether(const io::Scene& scene) const {
-    std::vector<bool> is_near;
-    for (const io::Frame& frame : scene.frames)
-      is_near.push_back(registered_.count(frame.image_path.string()) > 0);
-    std::vector<int> points_of(scene.frames.size(), 0);
-    int across = 0;
-    for (const io::Point3D& point : scene.points) {
-      std::size_t near = 0;
-      for (const int frame : point.frame_indices) {
-        near += is_near[static_cast<std::size_t>(frame)];
-        ++points_of[static_cast<std::size_t>(frame)];
-      }
-      across += near > 0 && near < point.frame_indices.size();
-    }
-    for (std::size_t i = 0; i < points_of.size(); ++i) {
-      if (!is_near[i] && points_of[i] < kMinPoints) return false;
-    }
-    return across >= kMinPoints;
-  }
+  const std::set<std::string>& registered() const { return registered_; }
 
  private:
   int n() const { return static_cast<int>(names_.size()); }
@@ -130,6 +106,25 @@ std::optional<io::Sim3d> Align(const io::ColmapModel& a, const io::ColmapModel& 
 }
 
 }  // namespace
+
+bool IsHeldTogether(const io::Scene& scene, const std::set<std::string>& near) {
+  std::vector<bool> is_near;
+  for (const io::Frame& frame : scene.frames) is_near.push_back(near.count(frame.image_path.string()) > 0);
+  std::vector<int> points_of(scene.frames.size(), 0);
+  int across = 0;
+  for (const io::Point3D& point : scene.points) {
+    std::size_t n_near = 0;
+    for (const int frame : point.frame_indices) {
+      n_near += is_near[static_cast<std::size_t>(frame)];
+      ++points_of[static_cast<std::size_t>(frame)];
+    }
+    across += n_near > 0 && n_near < point.frame_indices.size();
+  }
+  for (std::size_t i = 0; i < points_of.size(); ++i) {
+    if (!is_near[i] && points_of[i] < kMinHoldingPoints) return false;
+  }
+  return across >= kMinHoldingPoints;
+}
 
 MappingAttempt Bridge(const MappingAttempt& before,
                       const std::vector<Picture>& pictures,
@@ -171,7 +166,7 @@ MappingAttempt Bridge(const MappingAttempt& before,
     }
     std::optional<FoundModel> found;
     if (attempt.n_joined > 0) found = gap.Joined(*joined.model(), options.adjust_joined);
-    if (found && gap.IsHeldTogether(found->model.scene)) {
+    if (found && IsHeldTogether(found->model.scene, gap.registered())) {
       attempt.models = {std::move(found->model)};
       attempt.largest = found->path;
     }

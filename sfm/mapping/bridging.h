@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <memory>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "sfm/mapping/mapping_attempt.h"
@@ -17,7 +19,7 @@ namespace sfm {
 // pictures that it lacked are mapped by themselves, and a model of these that shares a picture with it is
 // joined to it (AlignModels, AlignAtPicture), adjusted together by options.adjust_joined, and triangulated
 // anew. Pairs that were not used stay in the evidence. The models are those of `before` when nothing could be
-// joined, or when in the end fewer than 15 points are seen from both sides or by a picture behind the gap.
+// joined, or when in the end they are not held together.
 MappingAttempt Bridge(const MappingAttempt& before,
                       const std::vector<Picture>& pictures,
                       std::shared_ptr<const CapturedViews> views,
@@ -25,5 +27,12 @@ MappingAttempt Bridge(const MappingAttempt& before,
                       const std::filesystem::path& images_folder,
                       const std::filesystem::path& folder,
                       const MappingOptions& options);
+
+// Whether two sides see enough points in common, and each picture that is not named as one of the near side
+// sees enough at all: as many as COLMAP asks of two pictures, and of one that it adds on half the evidence.
+// Wrong places keep hardly any, because three pictures must confirm each of them (office68: 39 across, 37 or
+// more of each picture).
+bool IsHeldTogether(const io::Scene& scene, const std::set<std::string>& near);
+inline constexpr int kMinHoldingPoints = 15;
 
 }  // namespace sfm

@@ -104,6 +104,25 @@ TEST(Gaps, PlacesThatOnlyLookAlikeAreNotJoined) {
       << "pairs that were not used stay known";
 }
 
+// Two near pictures and two far ones: points of each pair, and `across` points that one of each sees.
+io::Scene TwoSides(int across, int of_each_far) {
+  io::Scene scene;
+  for (const char* name : {"n1", "n2", "f1", "f2"}) scene.frames.push_back({name, 0, {}, {}});
+  const auto add = [&](int n, std::vector<int> frames) {
+    for (int i = 0; i < n; ++i) scene.points.push_back({.frame_indices = frames});
+  };
+  add(100, {0, 1}), add(across, {1, 2}), add(of_each_far, {2, 3});
+  return scene;
+}
+
+TEST(Gaps, SidesAreHeldTogetherByPointsOfBothAndOfEachPicture) {
+  const std::set<std::string> near = {"n1", "n2"};
+  EXPECT_TRUE(sfm::IsHeldTogether(TwoSides(15, 15), near));
+  EXPECT_FALSE(sfm::IsHeldTogether(TwoSides(14, 40), near));
+  EXPECT_FALSE(sfm::IsHeldTogether(TwoSides(40, 14), near));               // f2 sees 14
+  EXPECT_TRUE(sfm::IsHeldTogether(TwoSides(15, 15), {"n1", "n2", "f2"}));  // f1 alone is behind, and sees 30
+}
+
 TEST(Gaps, LieAroundPicturesThatTheModelLacks) {
   sfm::MappingAttempt attempt;
   auto views = std::make_shared<sfm::CapturedViews>();
