@@ -26,20 +26,27 @@ std::vector<float> Shrunk(const std::vector<float>& values,
 
 }  // namespace
 
+SplatView SplatViewOf(const SceneField& scene_field,
+                      const io::Camera& camera,
+                      const io::Rigid3d& world_from_cam) {
+  const double zoom = camera.fl_x / static_cast<double>(scene_field.splat_focal_px);
+  return {camera, world_from_cam, zoom * zoom * kLowPass};
+}
+
 SplatPicture RenderSplats(const SceneField& scene_field,
                           const io::Camera& camera,
                           const io::Rigid3d& world_from_cam,
                           SplatRasteriser* rasteriser) {
+  const auto render = [&](const io::Camera& seen_by) {
+    return rasteriser->Render(scene_field.splats, SplatViewOf(scene_field, seen_by, world_from_cam));
+  };
   const double zoom = camera.fl_x / static_cast<double>(scene_field.splat_focal_px);
-  if (zoom >= kLeastZoom) {
-    const double magnified = std::max(1.0, zoom);
-    return rasteriser->Render(scene_field.splats, {camera, world_from_cam, magnified * magnified * kLowPass});
-  }
+  if (zoom >= kLeastZoom) return render(camera);
   const double times = std::min(kMostShrink, 1 / zoom);
   const io::Camera large = io::ResizedCamera(camera,
                                              static_cast<int>(std::ceil(times * camera.width)),
                                              static_cast<int>(std::ceil(times * camera.height)));
-  const SplatPicture picture = rasteriser->Render(scene_field.splats, {large, world_from_cam, kLowPass});
+  const SplatPicture picture = render(large);
   return {.rgb = Shrunk(picture.rgb, large, camera, 3),
           .transmittance = Shrunk(picture.transmittance, large, camera, 1)};
 }

@@ -20,10 +20,14 @@ inline float MixedValue(float field, float splats, float transmittance, float sh
   return std::clamp(field + share * (over - field), 0.f, 1.f);
 }
 
-// The scene's splats as a camera sees them. They were fitted to pictures with a focal length of
-// splat_focal_px, through whose pixels they look: a longer one magnifies these; for one shorter than
-// kLeastZoom of it the picture of the fit is shrunk, since splats of a pixel would cover as much of larger
-// pixels.
+// A camera's view of splats that look through the pixels of pictures with a focal length of splat_focal_px: a
+// longer one magnifies these.
+SplatView SplatViewOf(const SceneField& scene_field,
+                      const io::Camera& camera,
+                      const io::Rigid3d& world_from_cam);
+
+// The scene's splats as a camera sees them. For a focal length below kLeastZoom of splat_focal_px the picture
+// of that length is shrunk: between the middles of larger pixels thin splats would be missed.
 SplatPicture RenderSplats(const SceneField& scene_field,
                           const io::Camera& camera,
                           const io::Rigid3d& world_from_cam,

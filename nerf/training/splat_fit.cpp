@@ -100,7 +100,7 @@ SplatTarget SplatFit::Target(std::size_t index) const {
     photo = io::ResizeArea(photo, camera.width, camera.height);
     if (!mask.used.empty()) mask = io::ShrinkMask(mask, camera.width, camera.height);
   }
-  SplatTarget target{{camera, world_from_cam_[index]}, {}, {}};
+  SplatTarget target{SplatViewOf(*scene_field_, camera, world_from_cam_[index]), {}, {}};
   for (std::size_t i = 0; i < photo.data.size() / 3; ++i) {
     target.rgba.insert(target.rgba.end(), &photo.data[3 * i], &photo.data[3 * i] + 3);
     target.rgba.push_back(255);

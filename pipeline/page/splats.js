@@ -85,7 +85,7 @@ class Splats {
 
   aim(camera) {
     const { focal, centre, width, height } = camera, at = (name) => gl.getUniformLocation(this.program, name);
-    const margin = this.slope_margin * width, zoom = Math.max(1, focal[0] / this.focal_px);
+    const margin = this.slope_margin * width, zoom = focal[0] / this.focal_px;
     gl.uniform3fv(at('origin'), camera.at);
     gl.uniformMatrix3fv(at('rotation'), false, [...camera.x, ...camera.y, ...camera.z]);
     gl.uniform4f(at('projection'), ...focal, ...centre);

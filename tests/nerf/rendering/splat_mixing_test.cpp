@@ -53,6 +53,17 @@ TEST_F(SplatMixing, WithoutSplatsItIsTheField) {
   for (const float value : Mixed()) EXPECT_EQ(value, 0.25f);
 }
 
+// The pixels that splats look through are as large in the scene for cameras of any focal length.
+TEST_F(SplatMixing, FocalLengthsMagnifyThePixelsOfTheFit) {
+  io::Camera camera = view_.camera;
+  const auto low_pass = [&] { return SplatViewOf(scene_field_, camera, view_.world_from_cam).low_pass; };
+  EXPECT_NEAR(low_pass(), kLowPass, 1e-6);
+  camera.fl_x *= 3, camera.fl_y *= 3;
+  EXPECT_NEAR(low_pass(), 9 * kLowPass, 1e-4);
+  camera.fl_x /= 6, camera.fl_y /= 6;
+  EXPECT_NEAR(low_pass(), kLowPass / 4, 1e-6);
+}
+
 double MeanDifference(const std::vector<float>& a, const std::vector<float>& b) {
   double sum = 0;
   for (std::size_t i = 0; i < a.size(); ++i) sum += std::abs(static_cast<double>(a[i]) - b[i]);
