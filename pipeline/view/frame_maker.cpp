@@ -167,16 +167,14 @@ std::optional<nerf::RenderedView> FrameMaker::RenderInTurns(const FrameRequest& 
   const int rows = std::max(1, kBandPixels / camera.width);
   nerf::RenderedView view;
   for (int begin = 0; begin < camera.height; begin += rows) {
-    const io::Camera band = Band(camera, begin, std::min(camera.height, begin + rows));
+    const int end = std::min(camera.height, begin + rows);
     if (!InTurn(request, content, [&] {
-          Append(content.field->Render(band, request.world_from_cam, of_bands), &view);
+          Append(content.field->Render(Band(camera, begin, end), request.world_from_cam, of_bands), &view);
+          if (end == camera.height)
+            content.field->AddSplats(request.camera, request.world_from_cam, options, &view);
         }))
       return std::nullopt;
   }
-  if (!InTurn(request, content, [&] {
-        content.field->AddSplats(request.camera, request.world_from_cam, options, &view);
-      }))
-    return std::nullopt;
   return view;
 }
 

@@ -7,6 +7,7 @@
 #include "io/base/error.h"
 #include "io/base/hash.h"
 #include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/small_field.h"
 #include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
@@ -57,13 +58,7 @@ void ReadOrRefuse(const std::filesystem::path& path, const std::string& what) {
 TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
   const TempDir dir;
   const std::filesystem::path path = dir / "checkpoint.bin";
-  SceneField scene_field(
-      SceneContraction{},
-      SamplerOptions{},
-      std::make_unique<HashField>(
-          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
+  SceneField scene_field = tests::SmallField();
   scene_field.background = {0.5f, 0.5f, 0.5f};
   scene_field.splats = tests::SomeSplats(3);
   TrainState state;
@@ -102,13 +97,7 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
 TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
   const TempDir dir;
   const std::filesystem::path path = dir / "checkpoint.bin";
-  SceneField scene_field(
-      SceneContraction{},
-      SamplerOptions{},
-      std::make_unique<HashField>(
-          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
+  SceneField scene_field = tests::SmallField();
   scene_field.splats = tests::SomeSplats(7);
   scene_field.splat_focal_px = 321;
   scene_field.splat_share = 0.125f;
@@ -147,13 +136,7 @@ TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
 TEST(CheckpointHeader, GridsThatTheSamplerCannotWalkAreRefused) {
   const TempDir dir;
   const std::filesystem::path path = dir / "checkpoint.bin";
-  SceneField scene_field(
-      SceneContraction{},
-      SamplerOptions{},
-      std::make_unique<HashField>(
-          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
+  SceneField scene_field = tests::SmallField();
   WriteCheckpoint(path, &scene_field, {});
   const Parts parts(ReadText(path));
   TrainState state;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "nerf/splatting/plain_rasteriser.h"
+#include "tests/support/scenes/small_field.h"
 #include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
@@ -13,15 +14,7 @@ namespace {
 
 class SplatMixing : public testing::Test {
  protected:
-  SplatMixing()
-      : scene_field_(SceneContraction{},
-                     SamplerOptions{},
-                     std::make_unique<HashField>(
-                         HashFieldOptions{
-                             .grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-                         1),
-                     64),
-        view_(tests::SomeView(24, 16)) {
+  SplatMixing() : scene_field_(tests::SmallField()), view_(tests::SomeView(24, 16)) {
     scene_field_.splat_focal_px = static_cast<float>(view_.camera.fl_x);
   }
 

@@ -5,19 +5,14 @@
 
 #include "nerf/fields/checkpoint.h"
 #include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/small_field.h"
 #include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
 namespace {
 
 std::unique_ptr<TrainedField> SomeField(const Splats& splats) {
-  SceneField scene_field(
-      SceneContraction{},
-      SamplerOptions{},
-      std::make_unique<HashField>(
-          HashFieldOptions{.grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
+  SceneField scene_field = tests::SmallField();
   for (std::uint32_t cell = 0; cell < scene_field.grid.n_cells(); ++cell) scene_field.grid.SetCandidate(cell);
   scene_field.grid.Rebuild();
   scene_field.background = {0.9f, 0.1f, 0.4f};  // so that the fog in the cube has an edge
