@@ -1,26 +1,26 @@
 // What the kernels of splatting work on: Gaussians of a picture, blended front to back in tiles of 16 x 16
 // pixels (Kerbl et al. 2023). At a pixel centre with the offset (dx, dy) from the middle of a splat
-//   alpha = min(0.99, opacity exp(-(a dx^2 + c dy^2) / 2 - b dx dy)),  0 where that is below 1 / 255,
+//   alpha = min(0.99, opacity exp(-(a dx^2 + c dy^2) / 2 - b dx dy)),  0 where that is below 1 / 100,
 //   rgb += transmittance alpha colour,  transmittance *= 1 - alpha,
-// until the transmittance is below 1e-4: the constants of the reference implementation. Against exact
-// arithmetic, colours in [0, 1] and transmittances err by less than 1e-5, gradients by 0.2 % and 2e-3 of what
-// a pixel's gradient of 1 makes (tests/nerf/kernels/splat_blending_test.cpp), but where a threshold is
-// crossed.
+// until the transmittance is below 0.004, a grey level. The reference implementation has 1 / 255 and 1e-4,
+// which take a fifth longer and are no better (EXPERIMENTS.md). Against exact arithmetic, colours in [0, 1]
+// and transmittances err by less than 1e-5, gradients by 0.2 % and 2e-3 of what a pixel's gradient of 1 makes
+// (tests/nerf/kernels/splat_blending_test.cpp), but where a threshold is crossed.
 #pragma once
 
 namespace nerf::kernels {
 
 inline constexpr int kTileSide = 16, kTilePixels = kTileSide * kTileSide;
-inline constexpr float kMaxSplatAlpha = 0.99f, kMinSplatAlpha = 1.f / 255.f, kOpaqueSplats = 1e-4f;
+inline constexpr float kMaxSplatAlpha = 0.99f, kMinSplatAlpha = 1.f / 100.f, kOpaqueSplats = 4e-3f;
 
 template <typename Scalar>
 struct BlendedSplatOf {
   Scalar x, y;                  // middle [px], pixel centres at 0.5
   Scalar a, b, c;               // inverse covariance [1 / px^2]
-  Scalar opacity;               // in [1 / 255, 1]
+  Scalar opacity;               // in [kMinSplatAlpha, 1]
   Scalar rgb[3];                // >= 0
-  Scalar reach_x, reach_y;      // alpha is below 1 / 255 farther away than this [px] ...
-  Scalar max_distance_squared;  // ... and where a dx^2 + 2 b dx dy + c dy^2 is above this: 2 ln(255 opacity)
+  Scalar reach_x, reach_y;      // the splat does not count farther away than this [px] ...
+  Scalar max_distance_squared;  // ... nor where a dx^2 + 2 b dx dy + c dy^2 is above this: 2 ln(100 opacity)
 };
 using BlendedSplat = BlendedSplatOf<float>;
 

@@ -5,7 +5,7 @@
 #include "io/base/error.h"
 #include "io/base/median.h"
 #include "io/process/parallel.h"
-#include "nerf/rendering/capture_geometry.h"
+#include "nerf/data/capture_geometry.h"
 #include "nerf/surface/depth_fusion.h"
 #include "nerf/surface/isosurface.h"
 #include "nerf/surface/mesh_repair.h"

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "io/base/error.h"
+#include "nerf/data/capture_geometry.h"
 #include "nerf/data/hull_pixels.h"
-#include "nerf/rendering/capture_geometry.h"
 #include "nerf/training/heldout_monitor.h"
 
 namespace nerf {

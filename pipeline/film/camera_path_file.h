@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf/rendering/keyframe_path.h"
+#include "nerf/paths/keyframe_path.h"
 #include "nerf/sampling/crop_box.h"
 
 namespace pipeline {

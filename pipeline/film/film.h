@@ -1,4 +1,4 @@
-// The novel-view film: a path through observed space (nerf/rendering/camera_path.h), rendered frame by frame
+// The novel-view film: a path through observed space (nerf/paths/camera_path.h), rendered frame by frame
 // and encoded.
 #pragma once
 
@@ -11,7 +11,7 @@
 #include "io/image/image.h"
 #include "io/scene/scene.h"
 #include "io/video/video_writer.h"
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 #include "nerf/rendering/support_map.h"
 #include "nerf/rendering/trained_field.h"
 #include "pipeline/film/film_size.h"

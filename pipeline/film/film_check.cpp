@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 #include "io/base/median.h"
-#include "nerf/rendering/even_path.h"
+#include "nerf/paths/even_path.h"
 
 namespace pipeline {
 namespace {

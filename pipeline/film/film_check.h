@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "io/image/image.h"
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 
 namespace pipeline {
 

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "nerf/rendering/capture_geometry.h"
+#include "nerf/data/capture_geometry.h"
 #include "pipeline/film/camera_path_file.h"
 
 namespace pipeline {

@@ -5,7 +5,7 @@
 
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 #include "pipeline/report/report_data.h"
 
 namespace pipeline {

@@ -11,7 +11,7 @@
 #include "io/process/interrupt.h"
 #include "io/process/resource_meter.h"
 #include "io/process/stopwatch.h"
-#include "nerf/rendering/capture_geometry.h"
+#include "nerf/data/capture_geometry.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/film.h"
 #include "pipeline/film/support_pictures.h"

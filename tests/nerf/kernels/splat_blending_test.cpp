@@ -13,6 +13,7 @@ namespace {
 using kernels::BlendedSplat;
 using kernels::BlendedSplatGradient;
 using kernels::Kernels;
+using kernels::kMinSplatAlpha;
 using kernels::kTilePixels;
 using kernels::kTileSide;
 using DoubleSplat = kernels::BlendedSplatOf<double>;
@@ -29,9 +30,9 @@ std::vector<BlendedSplat> SomeSplats(int n, float most_opacity) {
     BlendedSplat splat = {};
     splat.x = kX - 4 + 24 * random.Uniform(), splat.y = kY - 4 + 24 * random.Uniform();
     splat.a = yy / det, splat.b = -xy / det, splat.c = xx / det;
-    splat.opacity = 0.01f + (most_opacity - 0.01f) * random.Uniform();
+    splat.opacity = kMinSplatAlpha + (most_opacity - kMinSplatAlpha) * random.Uniform();
     for (float& value : splat.rgb) value = random.Uniform();
-    const float deviations = std::sqrt(2 * std::log(255 * splat.opacity));
+    const float deviations = std::sqrt(2 * std::log(splat.opacity / kMinSplatAlpha));
     splat.reach_x = deviations * std::sqrt(xx), splat.reach_y = deviations * std::sqrt(yy);
     splat.max_distance_squared = deviations * deviations;
     splats.push_back(splat);
@@ -116,7 +117,7 @@ TEST_P(Splats, AreBlendedAsTheReferenceDoes) {
 }
 
 TEST_P(Splats, HaveTheGradientOfTheReference) {
-  // Without thresholds that a difference would cross: none clamped at 0.99, few near 1 / 255.
+  // Without thresholds that a difference would cross: none clamped at 0.99, few near the least alpha.
   const std::vector<BlendedSplat> splats = SomeSplats(24, 0.95f);
   std::vector<DoubleSplat> wide;
   for (const BlendedSplat& splat : splats) wide.push_back(Widened(splat));
@@ -170,7 +171,7 @@ TEST_P(Splats, BehindAnOpaqueTileHaveNoGradient) {
   for (BlendedSplat& splat : splats) {
     splat.x = kX + 8, splat.y = kY + 8, splat.a = splat.c = 1e-4f, splat.b = 0, splat.opacity = 0.98f;
     splat.reach_x = splat.reach_y = 1000;
-    splat.max_distance_squared = 2 * std::log(255 * 0.98f);
+    splat.max_distance_squared = 2 * std::log(0.98f / kMinSplatAlpha);
   }
   const std::vector<float> weights(3 * kTilePixels, 1);
   std::vector<float> to_come(kTilePixels, 1);

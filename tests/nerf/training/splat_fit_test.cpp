@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nerf/rendering/capture_geometry.h"
+#include "nerf/data/capture_geometry.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/field_surface.h"
 #include "nerf/training/heldout_monitor.h"

@@ -5,7 +5,7 @@
 
 #include <thread>
 
-#include "nerf/rendering/keyframe_path.h"
+#include "nerf/paths/keyframe_path.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/film.h"
 #include "tests/support/scenes/sphere_field.h"

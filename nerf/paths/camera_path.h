@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf/rendering/capture_geometry.h"
+#include "nerf/data/capture_geometry.h"
 
 namespace nerf {
 

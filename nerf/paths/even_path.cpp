@@ -1,4 +1,4 @@
-#include "nerf/rendering/even_path.h"
+#include "nerf/paths/even_path.h"
 
 #include <algorithm>
 

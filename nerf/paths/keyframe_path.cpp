@@ -1,4 +1,4 @@
-#include "nerf/rendering/keyframe_path.h"
+#include "nerf/paths/keyframe_path.h"
 
 #include <algorithm>
 #include <array>

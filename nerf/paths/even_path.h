@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 
 namespace nerf {
 

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "io/base/median.h"
-#include "nerf/rendering/path_shapes.h"
+#include "nerf/paths/path_shapes.h"
 
 namespace nerf {
 namespace {

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "io/scene/decomposition.h"
-#include "nerf/rendering/path_shapes.h"
+#include "nerf/paths/path_shapes.h"
 
 namespace nerf {
 namespace {

@@ -1,6 +1,6 @@
 // The film's path follows the capture and stays where cameras were: rings, arcs, hemispheres, rooms, streets
 // and awkward captures.
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 
 #include <gtest/gtest.h>
 

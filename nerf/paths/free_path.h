@@ -1,7 +1,7 @@
 // Keeps the film's path in space that the trained field leaves free and the training pictures have seen.
 #pragma once
 
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 #include "nerf/rendering/support_map.h"
 
 namespace nerf {

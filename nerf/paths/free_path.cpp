@@ -1,4 +1,4 @@
-#include "nerf/rendering/free_path.h"
+#include "nerf/paths/free_path.h"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // The path is drawn away from what stands before the camera and from what was never observed.
-#include "nerf/rendering/free_path.h"
+#include "nerf/paths/free_path.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "io/base/median.h"
-#include "nerf/rendering/even_path.h"
+#include "nerf/paths/even_path.h"
 #include "tests/support/scenes/look_at.h"
 #include "tests/support/scenes/sphere_field.h"
 

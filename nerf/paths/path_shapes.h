@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 
 namespace nerf {
 

@@ -1,4 +1,4 @@
-#include "nerf/rendering/capture_geometry.h"
+#include "nerf/data/capture_geometry.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // Every kind of path moves evenly, and a path that halts and leaps is timed anew.
-#include "nerf/rendering/even_path.h"
+#include "nerf/paths/even_path.h"
 
 #include <gtest/gtest.h>
 

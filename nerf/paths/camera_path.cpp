@@ -1,4 +1,4 @@
-#include "nerf/rendering/camera_path.h"
+#include "nerf/paths/camera_path.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "io/base/check.h"
-#include "nerf/rendering/path_shapes.h"
+#include "nerf/paths/path_shapes.h"
 
 namespace nerf {
 namespace {
