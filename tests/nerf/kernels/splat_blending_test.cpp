@@ -107,7 +107,7 @@ TEST_P(Splats, AreBlendedAsTheReferenceDoes) {
     const Blended want = Reference(wide);
     int n_opaque = 0;
     for (std::size_t i = 0; i < kTilePixels; ++i) {
-      n_opaque += want.transmittance[i] < 1e-4;
+      n_opaque += want.transmittance[i] < double{kernels::kOpaqueSplats};
       ASSERT_NEAR(transmittance[i], want.transmittance[i], 1e-5) << n << " splats, pixel " << i;
       for (std::size_t c = 0; c < 3; ++c)
         ASSERT_NEAR(rgb[c * kTilePixels + i], want.rgb[c * kTilePixels + i], 1e-5) << n << " splats, " << i;
