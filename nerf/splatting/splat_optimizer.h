@@ -1,4 +1,5 @@
-// Fits splats to pictures by Adam, one picture per step.
+// Fits splats to pictures by Adam, one picture per step. The loss is the mean squared error and a small part
+// of the mean opacity.
 #pragma once
 
 #include <cstdint>

@@ -160,7 +160,8 @@ kernels::BlendedSplatGradient SplatRasteriser::SumOfSlots(std::size_t splat) con
   return sum;
 }
 
-void SplatRasteriser::PullBackSplats(const Splats& splats, Splats* gradient) {
+void SplatRasteriser::PullBackSplats(const Splats& splats, float opacity_penalty, Splats* gradient) {
+  const float by_opacity = opacity_penalty / static_cast<float>(splats.size());
   const kernels::SplatArrays<const float> arrays = ArraysOf(splats);
   const kernels::SplatArrays<float> gradients = {gradient->places.data(),
                                                  gradient->log_scales.data(),
@@ -179,6 +180,7 @@ void SplatRasteriser::PullBackSplats(const Splats& splats, Splats* gradient) {
     for (std::size_t i = begin; i < end; ++i) {
       if (placed_[i].n_tiles() == 0) continue;
       sums[n] = SumOfSlots(i);
+      if (sums[n].opacity != 0) sums[n].opacity += by_opacity;
       seen[n++] = static_cast<std::uint32_t>(i);
       if (n == kProjectedAtOnce) pull_back();
     }
@@ -189,6 +191,7 @@ void SplatRasteriser::PullBackSplats(const Splats& splats, Splats* gradient) {
 double SplatRasteriser::Gradient(const Splats& splats,
                                  const SplatTarget& target,
                                  const std::array<float, 3>& background,
+                                 float opacity_penalty,
                                  Splats* gradient) {
   const io::Camera& camera = target.view.camera;
   Place(splats, target.view);
@@ -200,7 +203,7 @@ double SplatRasteriser::Gradient(const Splats& splats,
     BlendTile(index, camera, &tile);
     squares[static_cast<std::size_t>(index)] = PullBackTile(index, target, background, &tile);
   });
-  PullBackSplats(splats, gradient);
+  PullBackSplats(splats, opacity_penalty, gradient);
   return std::accumulate(squares.begin(), squares.end(), 0.0) / (3.0 * camera.width * camera.height);
 }
 

@@ -34,10 +34,12 @@ class SplatRasteriser {
 
   // The mean over the picture's pixels, where unused ones add nothing, and channels of the squared difference
   // before a background of sRGB in [0, 1]; and its gradient: rows of splats that the view does not see are
-  // left as they are.
+  // left as they are. The gradient is that of the difference and of opacity_penalty times the mean opacity of
+  // all splats, where pixels depend on them: hidden ones are not to vanish.
   double Gradient(const Splats& splats,
                   const SplatTarget& target,
                   const std::array<float, 3>& background,
+                  float opacity_penalty,
                   Splats* gradient);
 
  private:
@@ -49,7 +51,7 @@ class SplatRasteriser {
                       const SplatTarget& target,
                       const std::array<float, 3>& background,
                       Tile* tile);
-  void PullBackSplats(const Splats& splats, Splats* gradient);
+  void PullBackSplats(const Splats& splats, float opacity_penalty, Splats* gradient);
   kernels::BlendedSplatGradient SumOfSlots(std::size_t splat) const;
 
   io::Workers* workers_;

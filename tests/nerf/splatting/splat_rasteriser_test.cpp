@@ -127,7 +127,7 @@ TEST(SplatRasteriser, HasTheGradientOfThePlainLoss) {
   }
   for (float& scale : splats.log_scales) scale += 0.7f;  // smooth over the steps below
   gradient.resize(splats.size());
-  const double loss = rasteriser.Gradient(splats, target, {0.25f, 0.5f, 0.75f}, &gradient);
+  const double loss = rasteriser.Gradient(splats, target, {0.25f, 0.5f, 0.75f}, 0, &gradient);
   EXPECT_NEAR(loss, PlainLoss(splats, target, {0.25, 0.5, 0.75}), 1e-6);
 
   const auto compare = [&](const char* what, auto* values, const auto& by_hand, double tolerance) {
@@ -165,15 +165,49 @@ TEST(SplatRasteriser, UnusedPixelsAddNothing) {
   SplatTarget target = Target();
   Splats whole, part, none;
   whole.resize(50), part.resize(50), none.resize(50);
-  const double all = rasteriser.Gradient(splats, target, {0, 0, 0}, &whole);
+  const double all = rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &whole);
   target.used.assign(kUnevenWidth * kUnevenHeight, true);
   for (std::size_t i = 0; i < target.used.size(); i += 2) target.used[i] = false;
-  const double half = rasteriser.Gradient(splats, target, {0, 0, 0}, &part);
+  const double half = rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &part);
   EXPECT_NEAR(half, all / 2, 0.1 * all);
   EXPECT_NE(part.colours, whole.colours);
   target.used.assign(target.used.size(), false);
-  EXPECT_EQ(rasteriser.Gradient(splats, target, {0, 0, 0}, &none), 0);
+  EXPECT_EQ(rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &none), 0);
   for (const float value : none.colours) EXPECT_EQ(value, 0);
+}
+
+// A wall hides half of the splats, and one lies beside the picture: their opacity costs nothing.
+TEST(SplatRasteriser, OnlyTheOpacityOfSplatsThatPixelsDependOnIsPenalised) {
+  io::Workers workers(1);
+  SplatRasteriser rasteriser(&workers);
+  const SplatTarget target = Target();
+  Splats splats = tests::SomeSplats(60), without, with;
+  const auto put = [&](std::size_t i, const Eigen::Vector3d& in_cam) {
+    Eigen::Map<Eigen::Vector3f>(&splats.places[3 * i]) = (target.view.world_from_cam * in_cam).cast<float>();
+  };
+  for (std::size_t i = 0; i < splats.size(); ++i)
+    put(i, {0.02 * static_cast<double>(i % 7) - 0.06, 0, i < 30 ? -2.0 : -4.0});
+  put(59, {30, 0, -2});
+  for (std::size_t i = 0; i < 4; ++i) {  // the wall
+    put(i, {0, 0, -3 - 0.01 * static_cast<double>(i)});
+    std::fill_n(&splats.log_scales[3 * i], 3, 1.f);
+    splats.opacities[i] = 5;
+  }
+  without.resize(splats.size()), with.resize(splats.size());
+  constexpr float kPenalty = 0.6f;
+  rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &without);
+  rasteriser.Gradient(splats, target, {0, 0, 0}, kPenalty, &with);
+  int n_counting = 0;
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const float opacity = 1 / (1 + std::exp(-splats.opacities[i]));
+    const bool counts = without.opacities[i] != 0;
+    EXPECT_TRUE(!counts || i < 30) << i;
+    n_counting += counts;
+    const float want = counts ? kPenalty / 60 * opacity * (1 - opacity) : 0;
+    EXPECT_NEAR(with.opacities[i] - without.opacities[i], want, 1e-6) << i;
+  }
+  EXPECT_GT(n_counting, 20);
+  EXPECT_EQ(with.places, without.places);
 }
 
 TEST(SplatRasteriser, ThreadsDoNotMatter) {
@@ -185,7 +219,7 @@ TEST(SplatRasteriser, ThreadsDoNotMatter) {
     SplatRasteriser rasteriser(&workers);
     Splats gradient;
     gradient.resize(splats.size());
-    rasteriser.Gradient(splats, target, {0, 0, 0}, &gradient);
+    rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &gradient);
     if (threads == 1) first = gradient;
     EXPECT_EQ(gradient.places, first.places);
     EXPECT_EQ(gradient.colours, first.colours);
