@@ -3,9 +3,9 @@
 //   alpha = min(0.99, opacity exp(-(a dx^2 + c dy^2) / 2 - b dx dy)),  0 where that is below 1 / 100,
 //   rgb += transmittance alpha colour,  transmittance *= 1 - alpha,
 // until the transmittance is below 0.004, a grey level. The reference implementation has 1 / 255 and 1e-4,
-// which take a fifth longer and are no better (EXPERIMENTS.md). Against exact arithmetic, colours in [0, 1]
-// and transmittances err by less than 1e-5, gradients by 0.2 % and 2e-3 of what a pixel's gradient of 1 makes
-// (tests/nerf/kernels/splat_blending_test.cpp), but where a threshold is crossed.
+// which take a tenth to a sixth longer and are no better (EXPERIMENTS.md). Against exact arithmetic, colours
+// in [0, 1] and transmittances err by less than 1e-5, gradients by 0.2 % and 2e-3 of what a pixel's gradient
+// of 1 makes (tests/nerf/kernels/splat_blending_test.cpp), but where a threshold is crossed.
 #pragma once
 
 namespace nerf::kernels {

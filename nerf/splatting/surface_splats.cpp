@@ -18,7 +18,7 @@ constexpr double kFlatness = 0.1;
 // Bounds of the spacing among neighbours, in footprints of a pixel: splats that coincide must not vanish, nor
 // lonely ones swell.
 constexpr double kMinSpacing = 0.3, kMaxSpacing = 10;
-// A fifth of the light passes, so that what lies behind learns from the beginning.
+// Some light passes, so that what lies behind learns from the beginning.
 constexpr double kFirstOpacity = 0.5;
 
 // Bits of a coordinate in the order of splats.
