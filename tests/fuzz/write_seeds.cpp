@@ -10,6 +10,7 @@
 #include "pipeline/stage/run_record.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/support/files/small_colmap_model.h"
+#include "tests/support/scenes/small_field.h"
 #include "tests/support/scenes/some_splats.h"
 
 namespace {
@@ -81,14 +82,7 @@ void AddModels(Seeds* seeds) {
 void AddCheckpoint(Seeds* seeds) {
   constexpr std::size_t kLengthAt = 8, kHeaderAt = 44;
   const TempDir dir;
-  nerf::SceneField scene_field(
-      nerf::SceneContraction{},
-      nerf::SamplerOptions{},
-      std::make_unique<nerf::HashField>(
-          nerf::HashFieldOptions{
-              .grid = {.log2_hashmap_size = 4, .base_resolution = 4, .finest_resolution = 16}},
-          1),
-      64);
+  nerf::SceneField scene_field = tests::SmallField();
   scene_field.splats = tests::SomeSplats(2);
   nerf::TrainState state;
   state.splats.moments = nerf::FirstMoments(scene_field.splats);
