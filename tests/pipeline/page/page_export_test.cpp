@@ -30,7 +30,7 @@ constexpr int kWidth = 72, kHeight = 56;
 class Played {
  public:
   explicit Played(Behind behind)
-      : scene_(tests::BallScene(dir_ / "scene", 8, 0, {.size = 96, .behind = behind})) {
+      : scene_(tests::BallScene(dir_ / "scene", 16, 0, {.size = 64, .behind = behind})) {
     nerf::TrainOptions options;
     options.steps = 300;
     options.samples_per_step = 4096;
