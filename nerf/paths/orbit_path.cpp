@@ -5,6 +5,7 @@
 #include <numbers>
 #include <optional>
 
+#include "io/base/median.h"
 #include "io/scene/decomposition.h"
 #include "nerf/paths/path_shapes.h"
 
@@ -32,6 +33,11 @@ constexpr double kAimShare = 0.5;
 // Cameras count by how they frame the subject: those that came so much nearer show a part of it, and those
 // that look so far beside it something else. A quarter of the angle that a common lens sees.
 constexpr double kFramingPower = 4, kFramingAngle = 15 * kDeg;
+// An arc ends where the cameras came nearer than this share of its median distance: they show a part of the
+// subject there, cut off at the picture's edge.
+constexpr double kLeastDistance = 0.6;
+// Steps in which that is sought.
+constexpr double kArcStep = 3 * kDeg;
 // Straight above the focus an upright camera has no direction to lean.
 constexpr double kMaxElevation = 80 * kDeg;
 // Half axes of the sway in standard deviations of the cameras: 0.6 of the half width of evenly filled ground,
@@ -142,17 +148,34 @@ double BestRing(const std::vector<Spherical>& cameras, double sigma) {
   return best;
 }
 
+// The part of an arc between the first and the last place from which the subject is seen whole.
+Arc WithWholeSubject(const std::vector<Spherical>& cameras, const Arc& arc, double sigma) {
+  std::vector<double> distances;
+  const int n_steps = std::max(1, static_cast<int>(arc.length / kArcStep));
+  const double step = arc.length / n_steps;
+  for (int i = 0; i <= n_steps; ++i)
+    distances.push_back(MeanNear(cameras, arc.start + i * step, sigma, {}).distance);
+  const double least = kLeastDistance * io::Median(distances);
+  const auto is_whole = [least](double distance) { return distance >= least; };
+  const auto before = std::find_if(distances.begin(), distances.end(), is_whole) - distances.begin();
+  const auto after = std::find_if(distances.rbegin(), distances.rend(), is_whole) - distances.rbegin();
+  return {arc.start + static_cast<double>(before) * step,
+          arc.length - static_cast<double>(before + after) * step,
+          arc.largest_inner_gap};
+}
+
 }  // namespace
 
 void FitOrbit(const std::vector<io::Rigid3d>& cameras, int frames, CameraPath* path) {
   const Vector3d& focus = path->capture.focus;
   const Matrix3d axes = OrbitAxes(path->capture.up);
   const std::vector<Spherical> around = AroundFocus(cameras, focus, axes);
-  const Arc arc = CoveredArc(around);
+  Arc arc = CoveredArc(around);
   const bool closed = 2 * kPi - arc.length < kOpenGap;
   path->kind = closed ? PathKind::kOrbit : PathKind::kArc;
-  path->arc_deg = closed ? 360 : arc.length / kDeg;
   const double sigma = std::max(kSmoothing, 0.5 * arc.largest_inner_gap);
+  if (!closed) arc = WithWholeSubject(around, arc, sigma);
+  path->arc_deg = closed ? 360 : arc.length / kDeg;
   const double start = closed ? around.front().azimuth : arc.start;
   // An arc swings up and down through all elevations; an orbit keeps to one.
   std::optional<double> ring;

@@ -132,6 +132,20 @@ TEST(CameraPath, ArcSwingsInsideTheCoveredSide) {
   ExpectUprightTowardsFocus(path, 0.02);
 }
 
+// At one end of the arc the cameras came so near that they show a part of the subject.
+TEST(CameraPath, AnArcEndsWhereItsSubjectNoLongerFits) {
+  io::Scene scene = HandHeld(60, 0, 150, {0, 0, 0});
+  for (const io::Frame& frame : HandHeld(20, 150, 190, {0, 0, 0}).frames) {
+    io::Rigid3d near = frame.world_from_cam;
+    near.translation *= 0.45;
+    scene.frames.push_back({"", 0, near});
+  }
+  const nerf::CameraPath path = nerf::FitCameraPath(scene, 120);
+  EXPECT_EQ(path.kind, PathKind::kArc);
+  EXPECT_NEAR(path.arc_deg, 170, 12);
+  for (const io::Rigid3d& pose : path.world_from_cam) EXPECT_GT(pose.translation.norm(), 2.3);
+}
+
 // A third of the pictures are close-ups of a part beside the middle: the film shows the whole subject.
 TEST(CameraPath, CloseUpsDoNotDrawThePathAwayFromTheSubject) {
   io::Scene scene = HandHeld(60, 0, 360, Vector3d::Zero());
