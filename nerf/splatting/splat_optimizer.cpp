@@ -18,9 +18,9 @@ constexpr double kLastShare = 0.1;
 // Standard deviations in units of the splat's first size. Larger ones, grown where few photos look, would
 // veil whole pictures from between the photos.
 constexpr float kMostGrowth = 10;
-// Splats that photos hardly ask for fade, instead of learning single photos by heart (Kheradmand et al.
-// 2024).
-constexpr float kOpacityPenalty = 1e-3f;
+// Structure: edges count more than even brightness, which the field shows well already. Opacity: splats that
+// photos hardly ask for fade, instead of learning single photos by heart (Kheradmand et al. 2024).
+constexpr SplatLossWeights kWeights = {.structure = 0.02f, .opacity = 1e-3f};
 constexpr float kBeta1 = 0.8f, kBeta2 = 0.99f;
 // Splats per task, so that the arrays of a task hold whole vectors.
 constexpr std::size_t kSplatsPerTask = 4096;
@@ -60,7 +60,7 @@ double SplatAdam::Step(const SplatTarget& target,
                        const std::array<float, 3>& background,
                        std::uint64_t step,
                        double progress) {
-  const double mse = rasteriser_.Gradient(*splats_, target, background, kOpacityPenalty, &gradient_);
+  const double mse = rasteriser_.Gradient(*splats_, target, background, kWeights, &gradient_);
   if (!std::isfinite(mse))
     throw io::Error(io::ExitCode::kNumeric,
                     "fitting splats: the error of step " + std::to_string(step) + " is not finite",

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "nerf/kernels/kernels.h"
+#include "nerf/splatting/block_ssim.h"
 
 namespace nerf {
 namespace {
@@ -121,24 +122,36 @@ SplatPicture SplatRasteriser::Render(const Splats& splats, const SplatView& view
 double SplatRasteriser::PullBackTile(int index,
                                      const SplatTarget& target,
                                      const std::array<float, 3>& background,
+                                     float structure_weight,
                                      Tile* tile) {
   const io::Camera& camera = target.view.camera;
-  const float scale = 2 / (3 * static_cast<float>(camera.width) * static_cast<float>(camera.height));
-  float rgb_gradient[3 * kTilePixels] = {}, to_come[kTilePixels] = {};
+  const float share = 1 / (3 * static_cast<float>(camera.width) * static_cast<float>(camera.height));
+  float shown[3 * kTilePixels], wanted[3 * kTilePixels], rgb_gradient[3 * kTilePixels] = {},
+                                                                          to_come[kTilePixels] = {};
+  bool counts[kTilePixels] = {};
   double squares = 0;
   tile->ForEachPixel(camera.width, [&](std::size_t pixel, int at) {
     if (!target.used.empty() && !target.used[pixel]) return;
+    counts[at] = true;
     const std::uint8_t* rgba = &target.rgba[4 * pixel];
     const float free = 1 - static_cast<float>(rgba[3]) / 255;
     for (int c = 0; c < 3; ++c) {
-      const float shown = background[static_cast<std::size_t>(c)];
-      const float colour = tile->rgb[c * kTilePixels + at] + tile->transmittance[at] * shown;
-      const float difference = colour - (static_cast<float>(rgba[c]) / 255 + free * shown);
+      const int i = c * kTilePixels + at;
+      const float behind = background[static_cast<std::size_t>(c)];
+      shown[i] = tile->rgb[i] + tile->transmittance[at] * behind;
+      wanted[i] = static_cast<float>(rgba[c]) / 255 + free * behind;
+      const float difference = shown[i] - wanted[i];
       squares += static_cast<double>(difference) * static_cast<double>(difference);
-      rgb_gradient[c * kTilePixels + at] = scale * difference;
-      to_come[at] += scale * difference * colour;
+      rgb_gradient[i] = 2 * share * difference;
     }
   });
+  for (int c = 0; c < 3; ++c) {
+    const int first = c * kTilePixels;
+    float* gradient = rgb_gradient + first;
+    AddBlockSsimGradient(shown + first, wanted + first, counts, share * structure_weight, gradient);
+    for (int at = 0; at < kTilePixels; ++at)
+      if (counts[at]) to_come[at] += gradient[at] * shown[first + at];
+  }
   tile->gradients.resize(tile->splats.size());
   kernels::ActiveKernels().blend_splats_gradient(tile->splats.data(),
                                                  static_cast<int>(tile->splats.size()),
@@ -160,8 +173,8 @@ kernels::BlendedSplatGradient SplatRasteriser::SumOfSlots(std::size_t splat) con
   return sum;
 }
 
-void SplatRasteriser::PullBackSplats(const Splats& splats, float opacity_penalty, Splats* gradient) {
-  const float by_opacity = opacity_penalty / static_cast<float>(splats.size());
+void SplatRasteriser::PullBackSplats(const Splats& splats, float opacity_weight, Splats* gradient) {
+  const float by_opacity = opacity_weight / static_cast<float>(splats.size());
   const kernels::SplatArrays<const float> arrays = ArraysOf(splats);
   const kernels::SplatArrays<float> gradients = {gradient->places.data(),
                                                  gradient->log_scales.data(),
@@ -191,7 +204,7 @@ void SplatRasteriser::PullBackSplats(const Splats& splats, float opacity_penalty
 double SplatRasteriser::Gradient(const Splats& splats,
                                  const SplatTarget& target,
                                  const std::array<float, 3>& background,
-                                 float opacity_penalty,
+                                 const SplatLossWeights& weights,
                                  Splats* gradient) {
   const io::Camera& camera = target.view.camera;
   Place(splats, target.view);
@@ -201,9 +214,10 @@ double SplatRasteriser::Gradient(const Splats& splats,
   workers_->Run(lists_.n_tiles(), [&](int index, int thread) {
     Tile& tile = tiles[static_cast<std::size_t>(thread)];
     BlendTile(index, camera, &tile);
-    squares[static_cast<std::size_t>(index)] = PullBackTile(index, target, background, &tile);
+    squares[static_cast<std::size_t>(index)] =
+        PullBackTile(index, target, background, weights.structure, &tile);
   });
-  PullBackSplats(splats, opacity_penalty, gradient);
+  PullBackSplats(splats, weights.opacity, gradient);
   return std::accumulate(squares.begin(), squares.end(), 0.0) / (3.0 * camera.width * camera.height);
 }
 

@@ -19,6 +19,12 @@ struct SplatTarget {
   std::vector<bool> used;          // [height][width]; empty: every pixel
 };
 
+// What the loss has besides the squared difference.
+struct SplatLossWeights {
+  float structure = 0;  // of 1 - SSIM (block_ssim.h), the mean over the picture's pixels and channels
+  float opacity = 0;    // of the mean opacity of all splats, where pixels depend on them: hidden ones stay
+};
+
 struct SplatPicture {
   std::vector<float> rgb;            // [height][width][3], sRGB in front of black
   std::vector<float> transmittance;  // [height][width]
@@ -33,13 +39,12 @@ class SplatRasteriser {
   SplatPicture Render(const Splats& splats, const SplatView& view);
 
   // The mean over the picture's pixels, where unused ones add nothing, and channels of the squared difference
-  // before a background of sRGB in [0, 1]; and its gradient: rows of splats that the view does not see are
-  // left as they are. The gradient is that of the difference and of opacity_penalty times the mean opacity of
-  // all splats, where pixels depend on them: hidden ones are not to vanish.
+  // before a background of sRGB in [0, 1]; and the gradient of that and of what `weights` adds: rows of
+  // splats that the view does not see are left as they are.
   double Gradient(const Splats& splats,
                   const SplatTarget& target,
                   const std::array<float, 3>& background,
-                  float opacity_penalty,
+                  const SplatLossWeights& weights,
                   Splats* gradient);
 
  private:
@@ -50,8 +55,9 @@ class SplatRasteriser {
   double PullBackTile(int index,
                       const SplatTarget& target,
                       const std::array<float, 3>& background,
+                      float structure_weight,
                       Tile* tile);
-  void PullBackSplats(const Splats& splats, float opacity_penalty, Splats* gradient);
+  void PullBackSplats(const Splats& splats, float opacity_weight, Splats* gradient);
   kernels::BlendedSplatGradient SumOfSlots(std::size_t splat) const;
 
   io::Workers* workers_;

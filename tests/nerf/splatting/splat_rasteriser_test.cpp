@@ -101,18 +101,57 @@ SplatTarget Target() {
   return target;
 }
 
-double PlainLoss(const Splats& splats, const SplatTarget& target, const std::array<double, 3>& background) {
+// Wang et al. 2004, of all pixels of a block of one channel.
+double Ssim(const std::vector<double>& x, const std::vector<double>& y) {
+  const auto n = static_cast<double>(x.size());
+  const auto mean = [&](auto value) {
+    double sum = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) sum += value(i);
+    return sum / n;
+  };
+  const double mx = mean([&](std::size_t i) { return x[i]; }), my = mean([&](std::size_t i) { return y[i]; });
+  const double xx = mean([&](std::size_t i) { return (x[i] - mx) * (x[i] - mx); }),
+               yy = mean([&](std::size_t i) { return (y[i] - my) * (y[i] - my); }),
+               xy = mean([&](std::size_t i) { return (x[i] - mx) * (y[i] - my); });
+  return (2 * mx * my + 1e-4) * (2 * xy + 9e-4) / ((mx * mx + my * my + 1e-4) * (xx + yy + 9e-4));
+}
+
+constexpr std::size_t kBlock = 4;  // side [px]
+
+double PlainLoss(const Splats& splats,
+                 const SplatTarget& target,
+                 const std::array<double, 3>& background,
+                 double structure_weight) {
   const std::vector<double> rgb = RenderPlainly(splats, target.view, background);
+  std::vector<double> wanted;
   double sum = 0;
   for (std::size_t i = 0; i < rgb.size(); ++i) {
     const std::uint8_t* rgba = &target.rgba[i / 3 * 4];
-    const double want = rgba[i % 3] / 255.0 + (1 - rgba[3] / 255.0) * background[i % 3];
-    sum += (rgb[i] - want) * (rgb[i] - want);
+    wanted.push_back(rgba[i % 3] / 255.0 + (1 - rgba[3] / 255.0) * background[i % 3]);
+    sum += (rgb[i] - wanted[i]) * (rgb[i] - wanted[i]);
+  }
+  for (std::size_t y = 0; y + kBlock <= kUnevenHeight; y += kBlock) {
+    for (std::size_t x = 0; x + kBlock <= kUnevenWidth; x += kBlock) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        std::vector<double> a, b;
+        for (std::size_t k = 0; k < kBlock * kBlock; ++k) {
+          const std::size_t i = 3 * ((y + k / kBlock) * kUnevenWidth + x + k % kBlock) + c;
+          a.push_back(rgb[i]), b.push_back(wanted[i]);
+        }
+        sum += structure_weight * static_cast<double>(kBlock * kBlock) * (1 - Ssim(a, b));
+      }
+    }
   }
   return sum / static_cast<double>(rgb.size());
 }
 
-TEST(SplatRasteriser, HasTheGradientOfThePlainLoss) {
+class GradientTest : public testing::TestWithParam<float> {};
+INSTANTIATE_TEST_SUITE_P(Structure, GradientTest, testing::Values(0.f, 0.02f));
+
+TEST_P(GradientTest, IsThatOfThePlainLoss) {
+  const auto plain_loss = [](const Splats& splats, const SplatTarget& target) {
+    return PlainLoss(splats, target, {0.25, 0.5, 0.75}, GetParam());
+  };
   io::Workers workers(2);
   SplatRasteriser rasteriser(&workers);
   const SplatTarget target = Target();
@@ -130,8 +169,9 @@ TEST(SplatRasteriser, HasTheGradientOfThePlainLoss) {
   // against it.
   for (float& logit : splats.opacities) logit += 2.2f;
   gradient.resize(splats.size());
-  const double loss = rasteriser.Gradient(splats, target, {0.25f, 0.5f, 0.75f}, 0, &gradient);
-  EXPECT_NEAR(loss, PlainLoss(splats, target, {0.25, 0.5, 0.75}), 1e-6);
+  const double loss =
+      rasteriser.Gradient(splats, target, {0.25f, 0.5f, 0.75f}, {.structure = GetParam()}, &gradient);
+  EXPECT_NEAR(loss, PlainLoss(splats, target, {0.25, 0.5, 0.75}, 0), 1e-6);
 
   const auto compare = [&](const char* what, auto* values, const auto& by_hand, double tolerance) {
     double squares = 0, error = 0;
@@ -139,9 +179,9 @@ TEST(SplatRasteriser, HasTheGradientOfThePlainLoss) {
       const float before = (*values)[i], step = 8e-3f;
       float &value = (*values)[i], high = before + step, low = before - step;
       value = high;
-      const double loss_high = PlainLoss(splats, target, {0.25, 0.5, 0.75});
+      const double loss_high = plain_loss(splats, target);
       value = low;
-      const double loss_low = PlainLoss(splats, target, {0.25, 0.5, 0.75});
+      const double loss_low = plain_loss(splats, target);
       value = before;
       const double want = (loss_high - loss_low) / (static_cast<double>(high) - static_cast<double>(low));
       squares += want * want;
@@ -167,14 +207,14 @@ TEST(SplatRasteriser, UnusedPixelsAddNothing) {
   SplatTarget target = Target();
   Splats whole, part, none;
   whole.resize(50), part.resize(50), none.resize(50);
-  const double all = rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &whole);
+  const double all = rasteriser.Gradient(splats, target, {0, 0, 0}, {}, &whole);
   target.used.assign(kUnevenWidth * kUnevenHeight, true);
   for (std::size_t i = 0; i < target.used.size(); i += 2) target.used[i] = false;
-  const double half = rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &part);
+  const double half = rasteriser.Gradient(splats, target, {0, 0, 0}, {}, &part);
   EXPECT_NEAR(half, all / 2, 0.1 * all);
   EXPECT_NE(part.colours, whole.colours);
   target.used.assign(target.used.size(), false);
-  EXPECT_EQ(rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &none), 0);
+  EXPECT_EQ(rasteriser.Gradient(splats, target, {0, 0, 0}, {}, &none), 0);
   for (const float value : none.colours) EXPECT_EQ(value, 0);
 }
 
@@ -197,8 +237,8 @@ TEST(SplatRasteriser, OnlyTheOpacityOfSplatsThatPixelsDependOnIsPenalised) {
   }
   without.resize(splats.size()), with.resize(splats.size());
   constexpr float kPenalty = 0.6f;
-  rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &without);
-  rasteriser.Gradient(splats, target, {0, 0, 0}, kPenalty, &with);
+  rasteriser.Gradient(splats, target, {0, 0, 0}, {}, &without);
+  rasteriser.Gradient(splats, target, {0, 0, 0}, {.opacity = kPenalty}, &with);
   int n_counting = 0;
   for (std::size_t i = 0; i < splats.size(); ++i) {
     const float opacity = 1 / (1 + std::exp(-splats.opacities[i]));
@@ -221,7 +261,7 @@ TEST(SplatRasteriser, ThreadsDoNotMatter) {
     SplatRasteriser rasteriser(&workers);
     Splats gradient;
     gradient.resize(splats.size());
-    rasteriser.Gradient(splats, target, {0, 0, 0}, 0, &gradient);
+    rasteriser.Gradient(splats, target, {0, 0, 0}, {}, &gradient);
     if (threads == 1) first = gradient;
     EXPECT_EQ(gradient.places, first.places);
     EXPECT_EQ(gradient.colours, first.colours);
