@@ -45,7 +45,7 @@ class Scout {
         farthest_(kFarthest * depth) {}
 
   struct Look {
-    double near = 0, unobserved = 0;  // shares of the picture
+    double near = 0, unobserved = 0;  // shares of the picture: what the field or splats show near the camera
     double depth = 0;                 // harmonic mean distance
   };
 
@@ -54,9 +54,12 @@ class Scout {
     const RenderedView whole = field_.Render(camera_, pose, options);
     options.limits.end = near_;
     const RenderedView close = field_.Render(camera_, pose, options);
+    const std::vector<float> splats = field_.NearSplatOpacity(camera_, pose, near_, threads_);
     Look look;
-    for (const float opacity : close.opacity)
-      look.near += static_cast<double>(opacity) / static_cast<double>(close.opacity.size());
+    for (std::size_t i = 0; i < close.opacity.size(); ++i) {
+      const float free = (1 - close.opacity[i]) * (splats.empty() ? 1 : 1 - splats[i]);
+      look.near += static_cast<double>(1 - free) / static_cast<double>(close.opacity.size());
+    }
     double nearness = 0;
     for (const float depth : whole.depth)
       nearness += 1 / std::min(farthest_, std::max(nearest_, static_cast<double>(depth)));

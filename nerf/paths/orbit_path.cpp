@@ -33,9 +33,9 @@ constexpr double kAimShare = 0.5;
 // Cameras count by how they frame the subject: those that came so much nearer show a part of it, and those
 // that look so far beside it something else. A quarter of the angle that a common lens sees.
 constexpr double kFramingPower = 4, kFramingAngle = 15 * kDeg;
-// An arc ends where the cameras came nearer than this share of its median distance: they show a part of the
-// subject there, cut off at the picture's edge.
-constexpr double kLeastDistance = 0.6;
+// An arc ends where the cameras came nearer than this share of its median distance: a subject that commonly
+// takes three quarters of the picture is cut off by its edge there.
+constexpr double kLeastDistance = 0.75;
 // Steps in which that is sought.
 constexpr double kArcStep = 3 * kDeg;
 // Straight above the focus an upright camera has no direction to lean.

@@ -51,6 +51,20 @@ class CheckpointTrainedField : public TrainedField {
 
   const Splats& splats() const override { return scene_field_->splats; }
 
+  std::vector<float> NearSplatOpacity(const io::Camera& camera,
+                                      const io::Rigid3d& world_from_cam,
+                                      double distance,
+                                      int threads) const override {
+    const Splats near = SplatsWithin(scene_field_->splats, world_from_cam.translation, distance);
+    if (near.size() == 0) return {};
+    io::Workers workers(threads);
+    std::vector<float> opacity = SplatRasteriser(&workers)
+                                     .Render(near, SplatViewOf(*scene_field_, camera, world_from_cam))
+                                     .transmittance;
+    for (float& value : opacity) value = scene_field_->splat_share * (1 - value);
+    return opacity;
+  }
+
   std::array<float, 3> Background(const std::array<float, 3>& wanted) const override {
     return scene_field_->Background(state_.channels == 4, wanted);
   }

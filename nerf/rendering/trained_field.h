@@ -76,6 +76,15 @@ class TrainedField {
     return kNone;
   }
 
+  // Opacity of the splats whose middles are nearer than `distance`, times their share in pictures:
+  // [height][width]; empty where there are none.
+  virtual std::vector<float> NearSplatOpacity(const io::Camera& /*camera*/,
+                                              const io::Rigid3d& /*world_from_cam*/,
+                                              double /*distance*/,
+                                              int /*threads*/) const {
+    return {};
+  }
+
   // sRGB in [0, 1], shown where rays leave the scene: `wanted` where it is free.
   virtual std::array<float, 3> Background(const std::array<float, 3>& wanted) const { return wanted; }
 };

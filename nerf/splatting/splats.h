@@ -43,6 +43,9 @@ struct SplatView {
   double low_pass = kLowPass;  // added to variances in the picture [px^2]
 };
 
+// Those whose middles lie within `distance` of a place, in their order.
+Splats SplatsWithin(const Splats& splats, const Eigen::Vector3d& place, double distance);
+
 // The view as the kernels need it.
 kernels::SplatCamera CameraOf(const SplatView& view);
 

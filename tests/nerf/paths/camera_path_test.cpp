@@ -142,8 +142,8 @@ TEST(CameraPath, AnArcEndsWhereItsSubjectNoLongerFits) {
   }
   const nerf::CameraPath path = nerf::FitCameraPath(scene, 120);
   EXPECT_EQ(path.kind, PathKind::kArc);
-  EXPECT_NEAR(path.arc_deg, 170, 12);
-  for (const io::Rigid3d& pose : path.world_from_cam) EXPECT_GT(pose.translation.norm(), 2.3);
+  EXPECT_NEAR(path.arc_deg, 172, 6);  // of 188, as far as the smoothing reaches
+  for (const io::Rigid3d& pose : path.world_from_cam) EXPECT_GT(pose.translation.norm(), 2.8);
 }
 
 // A third of the pictures are close-ups of a part beside the middle: the film shows the whole subject.

@@ -30,6 +30,20 @@ class BoardField : public tests::SphereField {
   }
 };
 
+// The sphere, and splats in the same place as the board.
+class VeiledField : public tests::SphereField {
+ public:
+  std::vector<float> NearSplatOpacity(const io::Camera& camera,
+                                      const io::Rigid3d& pose,
+                                      double distance,
+                                      int /*threads*/) const override {
+    const bool is_free = std::abs(pose.translation.x() - 1) > 0.5 || pose.translation.z() < 0.5;
+    EXPECT_TRUE(distance > 0 && distance < 4);
+    if (is_free) return {};
+    return std::vector<float>(static_cast<std::size_t>(camera.width * camera.height), 0.7f);
+  }
+};
+
 // Cameras side by side at y = -4, z = 0; the path goes past them at height `z`.
 struct Capture {
   explicit Capture(double z) {
@@ -57,9 +71,14 @@ TEST(FreePath, StaysWhereNothingIsInTheWay) {
     EXPECT_EQ(capture.path.world_from_cam[i].translation, before[i].translation);
 }
 
-TEST(FreePath, IsDrawnToTheCamerasWhereSomethingStandsBeforeIt) {
+template <typename Field>
+class ObstructedPath : public testing::Test {};
+using Obstructing = testing::Types<BoardField, VeiledField>;
+TYPED_TEST_SUITE(ObstructedPath, Obstructing);
+
+TYPED_TEST(ObstructedPath, IsDrawnToTheCamerasWhereSomethingStandsBeforeIt) {
   Capture capture(0.8);
-  const BoardField field;
+  const TypeParam field;
   const nerf::SupportMap support(field, capture.train, 1);
   const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 2, &capture.path);
   EXPECT_GT(report.obstructed, 20);
