@@ -2,7 +2,8 @@
 // observed. Its kind follows from the cameras' places and optical axes alone:
 //
 //   orbit   The axes meet at a subject and the cameras stand all around it.
-//   arc     They meet, but a side was not photographed: to and fro inside the covered arc.
+//   arc     They meet, but a side was not photographed: to and fro inside the covered arc, as far as the
+//           subject fits the picture.
 //   sway    The axes do not meet and the cameras stand close together, side by side: an ellipse among them.
 //   walk    All else, such as a room or a street, and cameras that go where they look: along
 //           the cameras, in the order of the capture.
@@ -25,7 +26,7 @@ struct CameraPath {
   std::vector<io::Rigid3d> world_from_cam;  // OpenGL axes
   std::vector<double> depths;  // of each pose, how far away what it shows is; empty: not looked at
   CaptureGeometry capture;
-  double arc_deg = 0;   // of an orbit or an arc: azimuth that the cameras cover
+  double arc_deg = 0;   // of an orbit or an arc: azimuth that the path covers
   double distance = 0;  // mean distance from the focus
   // The last pose precedes the first: all kinds but a walk, which has an end.
   bool IsLoop() const { return kind != PathKind::kWalk; }

@@ -1,4 +1,5 @@
-// Keeps the film's path in space that the trained field leaves free and the training pictures have seen.
+// Keeps the film's path in space that the trained field and its splats leave free and the training pictures
+// have seen.
 #pragma once
 
 #include "nerf/paths/camera_path.h"
