@@ -1,7 +1,9 @@
-// Pictures of a checkpoint with splats: how large the field's part is drawn.
+// Pictures of a checkpoint with splats: how large the field's part is drawn, and what is near the camera.
 #include "nerf/rendering/trained_field.h"
 
 #include <gtest/gtest.h>
+
+#include <cmath>
 
 #include "nerf/fields/checkpoint.h"
 #include "tests/support/files/temp_dir.h"
@@ -59,6 +61,35 @@ TEST(TrainedField, WhereNoSplatsAreShownTheFieldHasThePicturesSize) {
   EXPECT_EQ(none->FieldCamera(view.camera, limited), view.camera);
   EXPECT_EQ(none->Render(view.camera, view.world_from_cam, limited).rgb,
             none->Render(view.camera, view.world_from_cam, {}).rgb);
+}
+
+// Of two splats on the optical axis, which the camera looks along from 3 before the origin, with a share of a
+// half.
+TEST(TrainedField, NearSplatsAreThoseWithinTheDistance) {
+  const SplatView view = tests::SomeView(32, 24);
+  Splats splats = tests::SomeSplats(2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Eigen::Vector3d place = view.world_from_cam * Eigen::Vector3d(0, 0, i == 0 ? -1 : -3);
+    for (std::size_t c = 0; c < 3; ++c) {
+      splats.places[3 * i + c] = static_cast<float>(place[static_cast<int>(c)]);
+      splats.log_scales[3 * i + c] = std::log(i == 0 ? 0.05f : 0.5f);
+    }
+    splats.opacities[i] = 3;  // 0.953
+  }
+  const auto field = SomeField(splats);
+  const auto covered = [&](double distance) {
+    double sum = 0;
+    for (const float opacity : field->NearSplatOpacity(view.camera, view.world_from_cam, distance, 1)) {
+      EXPECT_TRUE(opacity >= 0 && opacity <= 0.5f) << opacity;
+      sum += static_cast<double>(opacity);
+    }
+    return sum;
+  };
+  EXPECT_EQ(covered(0.9), 0);
+  // 2 pi sigma^2 pixels of a Gaussian, a little less for what lies below the least alpha.
+  const double sigma = 0.05 * 1.1 * 32, near = 0.5 * 0.953 * 2 * M_PI * sigma * sigma;
+  EXPECT_NEAR(covered(2), near, 0.2 * near);
+  EXPECT_GT(covered(4), 2 * near);
 }
 
 }  // namespace

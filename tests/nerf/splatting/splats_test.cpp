@@ -1,3 +1,4 @@
+// A part of the splats of a scene.
 #include "nerf/splatting/splats.h"
 
 #include <gtest/gtest.h>
