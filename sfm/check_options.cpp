@@ -30,7 +30,7 @@ void CheckOptions(const ReconstructionOptions& options) {
   CheckChoice("--matching", options.matching, {"auto", "exhaustive", "likely", "sequential"});
   CheckChoice("--mapping", options.mapping, {"auto", "whole", "blocks"});
   CheckChoice("--detector", options.detector, {"opencv", "colmap"});
-  if (options.features < 100 || options.features > 16384) {
+  if (options.features != 0 && (options.features < 100 || options.features > 16384)) {
     throw Error(ExitCode::kUsage, fmt::format("--features: {} is not in 100..16384", options.features));
   }
 }

@@ -1,5 +1,9 @@
 #include "sfm/reconstruction.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include "sfm/session.h"
 
 namespace sfm {
@@ -7,11 +11,28 @@ namespace sfm {
 namespace fs = std::filesystem;
 using Decide = std::function<void(const std::string&)>;
 
+namespace {
+
+constexpr double kMostFeatures = 4096, kFewestFeatures = 2048, kAllFeatures = 400 * kMostFeatures;
+
+}  // namespace
+
+int FeaturesFor(std::size_t n_pictures) {
+  return static_cast<int>(
+      std::clamp(kAllFeatures / static_cast<double>(n_pictures), kFewestFeatures, kMostFeatures));
+}
+
 Reconstruction Reconstruct(const std::vector<Picture>& pictures,
                            const fs::path& images_folder,
                            const fs::path& work_folder,
-                           const ReconstructionOptions& options,
+                           const ReconstructionOptions& given,
                            const Decide& decide) {
+  ReconstructionOptions options = given;
+  if (options.features == 0) {
+    options.features = FeaturesFor(pictures.size());
+    if (options.features < kMostFeatures)
+      decide(fmt::format("features: {} per picture, for {} pictures", options.features, pictures.size()));
+  }
   Session session(pictures, images_folder, work_folder, options, decide);
   session.Detect(options.features);
   const ImagePairs pairs = session.ChoosePairs();

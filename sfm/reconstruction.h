@@ -20,7 +20,7 @@ namespace sfm {
 
 struct ReconstructionOptions {
   std::string detector = "opencv";  // or colmap
-  int features = 4096;              // per picture
+  int features = 0;                 // per picture; 0: FeaturesFor()
   int max_image_size = 1600;        // longer side for detection [px]; 0: full size
   std::string matching = "auto";    // auto, exhaustive, likely or sequential
   std::string mapping = "auto";     // auto, whole, or blocks: overlapping ones, side by side, then joined
@@ -32,6 +32,10 @@ struct ReconstructionOptions {
   int threads = 1;
   io::MemoryBudget memory = io::MemoryBudget();
 };
+
+// 4096 features per picture; beyond 400 pictures as many in all as these have, but at least 2048 each. More
+// pictures of one place have longer tracks, whose square mapping and adjustment grow with, and need fewer.
+int FeaturesFor(std::size_t n_pictures);
 
 struct Unregistered {
   std::string name;

@@ -50,7 +50,7 @@ class Scout {
   };
 
   Look From(const io::Rigid3d& pose) const {
-    RenderOptions options{.threads = threads_, .step_scale = 1, .samples_per_pixel = 1, .splats = false};
+    RenderOptions options{.threads = threads_, .step_scale = 1, .samples_per_pixel = 1, .depth_only = true};
     const RenderedView whole = field_.Render(camera_, pose, options);
     options.limits.end = near_;
     const RenderedView close = field_.Render(camera_, pose, options);

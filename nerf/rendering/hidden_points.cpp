@@ -27,7 +27,8 @@ std::optional<double> HiddenPointShare(const TrainedField& field,
                                        const io::Scene& train,
                                        int threads) {
   const io::Camera small = SmallCamera(camera, SupportMap::kMaxSide);
-  const RenderOptions options{.threads = threads, .step_scale = 1, .samples_per_pixel = 1, .splats = false};
+  const RenderOptions options{
+      .threads = threads, .step_scale = 1, .samples_per_pixel = 1, .depth_only = true};
   const RenderedView view = field.Render(small, world_from_cam, options);
   const io::Rigid3d cam_from_world = world_from_cam.Inverse();
   int n = 0, n_hidden = 0;

@@ -61,9 +61,12 @@ float Absorb(float opacity, float transmittance, float t, float delta, RenderedR
   return weight;
 }
 
-// Densities and colours of all samples.
-void QueryAll(const SceneField& scene_field, std::span<const Ray> rays, int pass, Scratch* scratch) {
-  const auto all = [](int, int n, const float*, std::uint8_t* wanted) { std::fill_n(wanted, n, 1); };
+// Densities, and colours where they are wanted, of all samples.
+void QueryAll(
+    const SceneField& scene_field, std::span<const Ray> rays, int pass, RayValues values, Scratch* scratch) {
+  const auto all = [values](int, int n, const float*, std::uint8_t* wanted) {
+    std::fill_n(wanted, n, values == RayValues::kColours);
+  };
   scene_field.field->Query(
       scratch->samples, rays, scratch->ray_of, pass, all, scratch->sigma.data(), scratch->rgb.data());
 }
@@ -87,7 +90,11 @@ void MarchWave(const Sampler& sampler, std::span<const Ray> rays, float step_sca
 }
 
 // Absorbs along the wave's samples and adds the colours of those that get one.
-void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch* scratch, RenderedRay* out) {
+void ShadeWave(const SceneField& scene_field,
+               std::span<const Ray> rays,
+               RayValues values,
+               Scratch* scratch,
+               RenderedRay* out) {
   const kernels::Kernels& kernels = kernels::ActiveKernels();
   const auto filter = [&](int first, int n, const float* sigma, std::uint8_t* wanted) {
     const auto begin = static_cast<std::size_t>(first), end = begin + static_cast<std::size_t>(n);
@@ -107,7 +114,7 @@ void ShadeWave(const SceneField& scene_field, std::span<const Ray> rays, Scratch
                                scratch->samples.delta[i],
                                &out[state.index]);
       // Written so that a NaN is shown.
-      *wanted++ = scratch->wanted[i] = !(state.gathered < kMinColourWeight);
+      *wanted++ = scratch->wanted[i] = values == RayValues::kColours && !(state.gathered < kMinColourWeight);
       if (!scratch->wanted[i]) continue;
       scratch->weights[i] = state.gathered;
       state.coloured += state.gathered;
@@ -136,7 +143,7 @@ void ShadeInfinity(const SceneField& scene_field,
   for (std::size_t i = 0; i < scratch->ray_of.size(); ++i)
     sampler.PlaceAtInfinity(rays[static_cast<std::size_t>(scratch->ray_of[i])], i, &scratch->samples);
   scratch->Resize();
-  QueryAll(scene_field, rays, 0, scratch);
+  QueryAll(scene_field, rays, 0, RayValues::kColours, scratch);
   for (std::size_t i = 0; i < scratch->ray_of.size(); ++i) {
     RenderedRay& ray = out[scratch->ray_of[i]];
     for (std::size_t j = 0; j < 3; ++j) ray.rgb[j] += ray.transmittance * scratch->rgb[3 * i + j];
@@ -148,6 +155,7 @@ void RenderPruned(const SceneField& scene_field,
                   int samples_per_pixel,
                   float step_scale,
                   const RayLimits& limits,
+                  RayValues values,
                   Scratch* scratch,
                   RenderedRay* out) {
   const Sampler sampler(scene_field.sampler_options, scene_field.contraction, scene_field.grid);
@@ -164,7 +172,7 @@ void RenderPruned(const SceneField& scene_field,
   }
   while (!scratch->active.empty()) {
     MarchWave(sampler, rays, step_scale, scratch);
-    ShadeWave(scene_field, rays, scratch, out);
+    ShadeWave(scene_field, rays, values, scratch, out);
     std::size_t kept = 0;
     for (RayState state : scratch->active) {
       RenderedRay& ray = out[state.index];
@@ -179,13 +187,14 @@ void RenderPruned(const SceneField& scene_field,
     }
     scratch->active.resize(kept);
   }
-  if (scene_field.EndsAtInfinity() && limits.AreOpen())
+  if (values == RayValues::kColours && scene_field.EndsAtInfinity() && limits.AreOpen())
     ShadeInfinity(scene_field, sampler, rays, scratch, out);
 }
 
 // A ray with n samples from `first` on, whose densities and colours are known, between the distances t_first
 // and t_last; their weights stay in the scratch.
-RenderedRay CompositeRay(std::size_t first, std::size_t n, float t_first, float t_last, Scratch* scratch) {
+RenderedRay CompositeRay(
+    std::size_t first, std::size_t n, float t_first, float t_last, RayValues values, Scratch* scratch) {
   float *tau = scratch->tau.data() + first, *weights = scratch->weights.data() + first;
   const float *delta = scratch->samples.delta.data() + first, *t = scratch->samples.t.data() + first;
   for (std::size_t i = 0; i < n; ++i)
@@ -193,7 +202,8 @@ RenderedRay CompositeRay(std::size_t first, std::size_t n, float t_first, float 
   Opacities(static_cast<int>(n), tau, weights);
   RenderedRay ray = {};
   ray.transmittance = WeightsFromOpacities(static_cast<int>(n), tau, weights);
-  CompositeColour(static_cast<int>(n), weights, scratch->rgb.data() + 3 * first, ray.rgb);
+  if (values == RayValues::kColours)
+    CompositeColour(static_cast<int>(n), weights, scratch->rgb.data() + 3 * first, ray.rgb);
   float behind = 1;
   ray.median_depth = kInfinity;
   for (std::size_t i = 0; i < n; ++i) {
@@ -213,6 +223,7 @@ void QueryBins(const SceneField& scene_field,
                std::span<const Ray> rays,
                const std::vector<std::vector<float>>& t,
                int pass,
+               RayValues values,
                Scratch* scratch) {
   const SamplerOptions& range = scene_field.sampler_options;
   const Sampler sampler(range, scene_field.contraction, scene_field.grid);
@@ -225,13 +236,14 @@ void QueryBins(const SceneField& scene_field,
     scratch->ray_of.resize(static_cast<std::size_t>(scratch->samples.size()), static_cast<int>(r));
   }
   scratch->Resize();
-  QueryAll(scene_field, rays, pass, scratch);
+  QueryAll(scene_field, rays, pass, values, scratch);
 }
 
 // Every ray at the midpoints of its bins; with importance samples, a first network finds where they go.
 void RenderStratified(const SceneField& scene_field,
                       std::span<const Ray> rays,
                       const RayLimits& limits,
+                      RayValues values,
                       Scratch* scratch,
                       RenderedRay* out) {
   const QuadratureOptions quadrature = scene_field.field->quadrature();
@@ -241,13 +253,13 @@ void RenderStratified(const SceneField& scene_field,
     StratifiedDistances(near, far, quadrature.n_samples, nullptr, &distances);
   const int n_passes = quadrature.n_importance > 0 ? 2 : 1;
   for (int pass = 0; pass < n_passes; ++pass) {
-    QueryBins(scene_field, rays, t, pass, scratch);
+    QueryBins(scene_field, rays, t, pass, values, scratch);
     std::size_t first = 0;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       const std::size_t n = t[r].size();
       float t_first = 0, t_last = std::min(far, limits.end);
       if (limits.crop) Clip(*limits.crop, rays[r], &t_first, &t_last);
-      out[r] = CompositeRay(first, n, t_first, t_last, scratch);
+      out[r] = CompositeRay(first, n, t_first, t_last, values, scratch);
       const float* weights = scratch->weights.data() + first;
       first += n;
       if (pass + 1 == n_passes) continue;
@@ -264,7 +276,8 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers,
-                                    const RayLimits& limits) {
+                                    const RayLimits& limits,
+                                    RayValues values) {
   std::vector<RenderedRay> out(rays.size());
   std::vector<Scratch> scratch(static_cast<std::size_t>(workers->n_threads()));
   const bool stratified = scene_field.field->quadrature().n_samples > 0;
@@ -277,9 +290,9 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
         rays.subspan(first, std::min(static_cast<std::size_t>(per_task), rays.size() - first));
     Scratch* own = &scratch[static_cast<std::size_t>(thread)];
     if (stratified) {
-      RenderStratified(scene_field, mine, limits, own, &out[first]);
+      RenderStratified(scene_field, mine, limits, values, own, &out[first]);
     } else {
-      RenderPruned(scene_field, mine, samples_per_pixel, step_scale, limits, own, &out[first]);
+      RenderPruned(scene_field, mine, samples_per_pixel, step_scale, limits, values, own, &out[first]);
     }
   });
   return out;
@@ -290,7 +303,8 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers,
-                                      const RayLimits& limits) {
+                                      const RayLimits& limits,
+                                      RayValues values) {
   const auto n = static_cast<std::size_t>(samples_per_pixel);
   std::vector<Ray> rays(pixels.size() * n);
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -299,7 +313,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
     rays[i] = pixel.camera->RayThrough(pixel.x, pixel.y, cell.Dx(0.5f), cell.Dy(0.5f));
   }
   const std::vector<RenderedRay> rendered =
-      RenderRays(scene_field, rays, samples_per_pixel, step_scale, workers, limits);
+      RenderRays(scene_field, rays, samples_per_pixel, step_scale, workers, limits, values);
   const float share = 1.f / static_cast<float>(n);
   std::vector<RenderedRay> means(pixels.size());
   for (std::size_t i = 0; i < rendered.size(); ++i) {

@@ -27,6 +27,9 @@ struct CameraPixel {
   int x, y;
 };
 
+// What is wanted of rays. Depths alone, whose rays stay black, take half of the time or less.
+enum class RayValues { kColours, kDepths };
+
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The
 // samples_per_pixel rays of a pixel follow one another; along the occupancy grid their first intervals are
 // staggered evenly, so that their mean sees the surface at as many depths. Results do not depend on the
@@ -36,7 +39,8 @@ std::vector<RenderedRay> RenderRays(const SceneField& scene_field,
                                     int samples_per_pixel,
                                     float step_scale,
                                     io::Workers* workers,
-                                    const RayLimits& limits = {});
+                                    const RayLimits& limits = {},
+                                    RayValues values = RayValues::kColours);
 
 // Means over samples_per_pixel rays of each pixel, a square number, through the centres of its cells. Their
 // number in training, scene_field.samples_per_pixel, serves best.
@@ -45,6 +49,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
                                       int samples_per_pixel,
                                       float step_scale,
                                       io::Workers* workers,
-                                      const RayLimits& limits = {});
+                                      const RayLimits& limits = {},
+                                      RayValues values = RayValues::kColours);
 
 }  // namespace nerf

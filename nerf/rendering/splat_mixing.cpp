@@ -24,6 +24,10 @@ std::vector<float> Shrunk(const std::vector<float>& values,
   return shrunk;
 }
 
+Splats SplatsIn(const Splats& splats, const CropBox& box) {
+  return SplatsWhere(splats, [&](const Eigen::Vector3d& middle) { return Contains(box, middle); });
+}
+
 }  // namespace
 
 SplatView SplatViewOf(const SceneField& scene_field,
@@ -36,9 +40,12 @@ SplatView SplatViewOf(const SceneField& scene_field,
 SplatPicture RenderSplats(const SceneField& scene_field,
                           const io::Camera& camera,
                           const io::Rigid3d& world_from_cam,
+                          const std::optional<CropBox>& crop,
                           SplatRasteriser* rasteriser) {
+  const Splats inside = crop ? SplatsIn(scene_field.splats, *crop) : Splats{};
+  const Splats& shown = crop ? inside : scene_field.splats;
   const auto render = [&](const io::Camera& seen_by) {
-    return rasteriser->Render(scene_field.splats, SplatViewOf(scene_field, seen_by, world_from_cam));
+    return rasteriser->Render(shown, SplatViewOf(scene_field, seen_by, world_from_cam));
   };
   const double zoom = camera.fl_x / static_cast<double>(scene_field.splat_focal_px);
   if (zoom >= kLeastZoom) return render(camera);
@@ -54,13 +61,16 @@ SplatPicture RenderSplats(const SceneField& scene_field,
 void MixSplats(const SceneField& scene_field,
                const io::Camera& camera,
                const io::Rigid3d& world_from_cam,
+               const std::optional<CropBox>& crop,
                io::Workers* workers,
-               std::vector<float>* rgb) {
+               RenderedView* view) {
   if (scene_field.splats.size() == 0) return;
   SplatRasteriser rasteriser(workers);
-  const SplatPicture picture = RenderSplats(scene_field, camera, world_from_cam, &rasteriser);
-  for (std::size_t i = 0; i < rgb->size(); ++i)
-    (*rgb)[i] = MixedValue((*rgb)[i], picture.rgb[i], picture.transmittance[i / 3], scene_field.splat_share);
+  const SplatPicture picture = RenderSplats(scene_field, camera, world_from_cam, crop, &rasteriser);
+  for (std::size_t i = 0; i < view->rgb.size(); ++i) {
+    const float share = scene_field.splat_share * (crop ? view->opacity[i / 3] : 1);
+    view->rgb[i] = MixedValue(view->rgb[i], picture.rgb[i], picture.transmittance[i / 3], share);
+  }
 }
 
 }  // namespace nerf

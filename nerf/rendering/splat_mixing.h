@@ -6,10 +6,13 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "io/process/parallel.h"
 #include "nerf/fields/scene_field.h"
+#include "nerf/rendering/rendered_view.h"
+#include "nerf/sampling/crop_box.h"
 #include "nerf/splatting/splat_rasteriser.h"
 
 namespace nerf {
@@ -26,19 +29,23 @@ SplatView SplatViewOf(const SceneField& scene_field,
                       const io::Camera& camera,
                       const io::Rigid3d& world_from_cam);
 
-// The scene's splats as a camera sees them. For a focal length below kLeastZoom of splat_focal_px the picture
-// of that length is shrunk: between the middles of larger pixels thin splats would be missed.
+// The scene's splats as a camera sees them, with a crop box those whose middles lie in it. For a focal length
+// below kLeastZoom of splat_focal_px the picture of that length is shrunk: between the middles of larger
+// pixels thin splats would be missed.
 SplatPicture RenderSplats(const SceneField& scene_field,
                           const io::Camera& camera,
                           const io::Rigid3d& world_from_cam,
+                          const std::optional<CropBox>& crop,
                           SplatRasteriser* rasteriser);
 inline constexpr double kLeastZoom = 0.8;
 
-// rgb: [height][width][3], of the field, background included. Without splats nothing changes.
+// view: the field's, in the same box. Splats reach out of a box; there they count as far as the field is
+// opaque, so that the background stays clean. Without splats nothing changes.
 void MixSplats(const SceneField& scene_field,
                const io::Camera& camera,
                const io::Rigid3d& world_from_cam,
+               const std::optional<CropBox>& crop,
                io::Workers* workers,
-               std::vector<float>* rgb);
+               RenderedView* view);
 
 }  // namespace nerf

@@ -78,7 +78,7 @@ double ViewSupport::UnobservedShare() const {
 }
 
 SupportMap::SupportMap(const TrainedField& field, const io::Scene& train, int threads) {
-  RenderOptions options{.threads = threads, .step_scale = 1, .samples_per_pixel = 1, .splats = false};
+  RenderOptions options{.threads = threads, .step_scale = 1, .samples_per_pixel = 1, .depth_only = true};
   for (const io::Frame& frame : train.frames) {
     const io::Camera& full = train.cameras[static_cast<std::size_t>(frame.camera_index)];
     SeenDepth view{.camera = SmallCamera(full, kMaxSide),

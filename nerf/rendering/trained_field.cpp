@@ -44,7 +44,7 @@ class CheckpointTrainedField : public TrainedField {
     if (view->width != camera.width || view->height != camera.height)
       *view = Magnified(*view, camera.width, camera.height);
     io::Workers workers(options.threads);
-    MixSplats(*scene_field_, camera, world_from_cam, &workers, &view->rgb);
+    MixSplats(*scene_field_, camera, world_from_cam, options.limits.crop, &workers, view);
   }
 
   bool HasUnknownSpace() const override { return state_.channels != 4 && !scene_field_->background; }
@@ -55,7 +55,9 @@ class CheckpointTrainedField : public TrainedField {
                                       const io::Rigid3d& world_from_cam,
                                       double distance,
                                       int threads) const override {
-    const Splats near = SplatsWithin(scene_field_->splats, world_from_cam.translation, distance);
+    const Splats near = SplatsWhere(scene_field_->splats, [&](const Eigen::Vector3d& middle) {
+      return (middle - world_from_cam.translation).squaredNorm() < distance * distance;
+    });
     if (near.size() == 0) return {};
     io::Workers workers(threads);
     std::vector<float> opacity = SplatRasteriser(&workers)
@@ -71,7 +73,8 @@ class CheckpointTrainedField : public TrainedField {
 
  private:
   bool ShowsSplats(const RenderOptions& options) const {
-    return options.splats && options.limits.AreOpen() && scene_field_->splats.size() > 0;
+    return options.splats && !options.depth_only && std::isinf(options.limits.end) &&
+           scene_field_->splats.size() > 0;
   }
 
   RenderedView RenderField(const io::Camera& camera,
@@ -87,12 +90,13 @@ class CheckpointTrainedField : public TrainedField {
         options.limits.crop ? options.background : Background(options.background);
     const std::size_t n = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
     view.rgb.reserve(3 * n), view.depth.reserve(n), view.median_depth.reserve(n), view.opacity.reserve(n);
+    const RayValues values = options.depth_only ? RayValues::kDepths : RayValues::kColours;
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) band.push_back({&ray_camera, x, y});
       if ((y + 1) % kBandRows != 0 && y + 1 < camera.height) continue;
-      for (const RenderedRay& ray :
-           RenderPixels(*scene_field_, band, samples_per_pixel, step_scale, &workers, options.limits)) {
+      for (const RenderedRay& ray : RenderPixels(
+               *scene_field_, band, samples_per_pixel, step_scale, &workers, options.limits, values)) {
         for (std::size_t j = 0; j < 3; ++j) {
           view.rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
         }

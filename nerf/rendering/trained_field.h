@@ -30,9 +30,11 @@ struct RenderOptions {
   // Where rays end: with a distance, the opacity is that of what lies nearer; with a box, that of what lies
   // inside, before `background`.
   RayLimits limits;
-  // Whether the scene's splats, if it has any, are in the colours; not where rays are limited. Depth and
-  // opacity are the field's.
+  // Whether the scene's splats, if it has any, are in the colours; not where rays end at a distance. Depth
+  // and opacity are the field's.
   bool splats = true;
+  // Depth and opacity alone, in half of the time or less: colours are the background's.
+  bool depth_only = false;
   // Under splats, which have the detail, the field's picture has at most this focal length [px] and is
   // magnified: at the one of the training pictures nothing is lost (EXPERIMENTS.md). 0: that of the camera.
   double field_focal_px = 0;

@@ -25,23 +25,22 @@ kernels::SplatCamera CameraOf(const SplatView& view) {
   return camera;
 }
 
-Splats SplatsWithin(const Splats& splats, const Eigen::Vector3d& place, double distance) {
-  Splats within;
+Splats SplatsWhere(const Splats& splats, const std::function<bool(const Eigen::Vector3d& middle)>& wanted) {
+  Splats chosen;
   const auto copy =
       [](const std::vector<float>& from, std::size_t i, std::size_t width, std::vector<float>* to) {
         const auto row = from.begin() + static_cast<std::ptrdiff_t>(i * width);
         to->insert(to->end(), row, row + static_cast<std::ptrdiff_t>(width));
       };
   for (std::size_t i = 0; i < splats.size(); ++i) {
-    const Eigen::Vector3d middle = Eigen::Map<const Eigen::Vector3f>(&splats.places[3 * i]).cast<double>();
-    if ((middle - place).squaredNorm() >= distance * distance) continue;
-    copy(splats.places, i, 3, &within.places);
-    copy(splats.log_scales, i, 3, &within.log_scales);
-    copy(splats.rotations, i, 4, &within.rotations);
-    copy(splats.opacities, i, 1, &within.opacities);
-    copy(splats.colours, i, 3 * kHarmonics, &within.colours);
+    if (!wanted(Eigen::Map<const Eigen::Vector3f>(&splats.places[3 * i]).cast<double>())) continue;
+    copy(splats.places, i, 3, &chosen.places);
+    copy(splats.log_scales, i, 3, &chosen.log_scales);
+    copy(splats.rotations, i, 4, &chosen.rotations);
+    copy(splats.opacities, i, 1, &chosen.opacities);
+    copy(splats.colours, i, 3 * kHarmonics, &chosen.colours);
   }
-  return within;
+  return chosen;
 }
 
 }  // namespace nerf

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "io/scene/scene.h"
@@ -43,8 +44,8 @@ struct SplatView {
   double low_pass = kLowPass;  // added to variances in the picture [px^2]
 };
 
-// Those whose middles lie within `distance` of a place, in their order.
-Splats SplatsWithin(const Splats& splats, const Eigen::Vector3d& place, double distance);
+// Those whose middles are wanted, in their order.
+Splats SplatsWhere(const Splats& splats, const std::function<bool(const Eigen::Vector3d& middle)>& wanted);
 
 // The view as the kernels need it.
 kernels::SplatCamera CameraOf(const SplatView& view);

@@ -135,7 +135,8 @@ std::vector<SurfacePoint> FieldSurface(const SceneField& scene_field,
       pixels.push_back({&d.view->camera, d.x + d.right, d.y});
       pixels.push_back({&d.view->camera, d.x, d.y + d.down});
     }
-    const std::vector<RenderedRay> rendered = RenderPixels(scene_field, pixels, 1, 1.f, workers);
+    const std::vector<RenderedRay> rendered =
+        RenderPixels(scene_field, pixels, 1, 1.f, workers, {}, RayValues::kDepths);
     for (std::size_t i = 0; i < chosen.size(); ++i)
       AddPoint(scene_field, dataset, chosen[i], &rendered[kRays * i], &points);
   }

@@ -53,7 +53,7 @@ void HeldoutMonitor::MixSplatsIn(const SceneField& scene_field,
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const io::Frame& frame = heldout_.frames[v];
     const io::Camera& camera = heldout_.cameras[static_cast<std::size_t>(frame.camera_index)];
-    const SplatPicture picture = RenderSplats(scene_field, camera, frame.world_from_cam, &rasteriser);
+    const SplatPicture picture = RenderSplats(scene_field, camera, frame.world_from_cam, {}, &rasteriser);
     for (std::size_t i = 0; i < pixels_.size(); ++i) {
       if (pixels_[i].camera != &views_[v].camera) continue;
       const auto at = static_cast<std::size_t>(pixels_[i].y * camera.width + pixels_[i].x);

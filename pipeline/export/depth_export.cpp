@@ -40,7 +40,7 @@ double ChooseFar(const ExportedScene& scene, const std::vector<ExportedView>& vi
                                                           .step_scale = 1,
                                                           .samples_per_pixel = 1,
                                                           .limits = {.crop = scene.crop},
-                                                          .splats = false});
+                                                          .depth_only = true});
     for (const float distance : small.median_depth)
       if (std::isfinite(distance)) distances.push_back(distance);
   }

@@ -98,7 +98,7 @@ class FilmMaker {
     return nerf::CameraOfView(
         film.size.camera.width, film.size.camera.height, film.fov_y[static_cast<std::size_t>(frame)]);
   }
-  bool ShowsSplats() const { return field_.splats().size() > 0 && !render_options_.limits.crop; }
+  bool ShowsSplats() const { return field_.splats().size() > 0; }
   nerf::RenderOptions FrameOptions(const Film& film) const {
     nerf::RenderOptions options = render_options_;
     options.field_focal_px = film.size.field_share * nerf::LongestFocalLength(train_);

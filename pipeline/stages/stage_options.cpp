@@ -5,6 +5,13 @@
 namespace pipeline {
 namespace {
 
+void RefuseFewFeatures(const std::string& option_name, const std::string& text) {
+  const int n = std::stoi(text);
+  if (n != 0 && n < 100)
+    throw io::Error(
+        io::ExitCode::kUsage, "--" + option_name + ": " + text + " features are too few", "See --help");
+}
+
 void RefuseOneFrame(const std::string& option_name, const std::string& text) {
   if (std::stoi(text) == 1)
     throw io::Error(
@@ -14,7 +21,10 @@ void RefuseOneFrame(const std::string& option_name, const std::string& text) {
 }  // namespace
 
 void AddSfmOptions(Options* options, sfm::ReconstructionOptions* sfm) {
-  options->Add("features", &sfm->features, "SIFT features per picture", {.min = 100, .max = 16384});
+  options->Add("features",
+               &sfm->features,
+               "SIFT features per picture, at least 100; 0 = 4096, beyond 400 pictures down to 2048",
+               {.min = 0, .max = 16384, .check = RefuseFewFeatures});
   options->Add("detect-size",
                &sfm->max_image_size,
                "longer side of the picture in which features are detected [px]; 0 = full size",

@@ -270,6 +270,15 @@ TEST_F(SmallCapture, TwoPicturesAreTooFew) {
   EXPECT_EQ(refusal.figures, "2");
 }
 
+TEST(FeaturesFor, ManyPicturesNeedFewerEach) {
+  const auto features = [](std::size_t n_pictures) { return sfm::FeaturesFor(n_pictures); };
+  EXPECT_EQ(features(3), 4096);
+  EXPECT_EQ(features(400), 4096);
+  EXPECT_EQ(features(600), 2730);
+  EXPECT_EQ(features(800), 2048);
+  EXPECT_EQ(features(5000), 2048);
+}
+
 TEST_F(SmallCapture, UnknownOptionsAreUsageErrors) {
   for (const sfm::ReconstructionOptions& options : {sfm::ReconstructionOptions{.camera_model = "FISHEYE"},
                                                     sfm::ReconstructionOptions{.matching = "magic"},

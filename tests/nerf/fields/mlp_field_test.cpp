@@ -99,6 +99,22 @@ void Occupy(const std::vector<Ray>& rays, SceneField* scene_field) {
   grid.Rebuild();
 }
 
+TEST_F(TrainedBall, DepthsAloneAreThoseOfTheWholePicture) {
+  io::Workers workers(2);
+  const std::unique_ptr<SceneField> stratified = With({.n_samples = 64, .n_importance = 32}),
+                                    pruned = With({});
+  for (const SceneField* field : {stratified.get(), pruned.get()}) {
+    const std::vector<RenderedRay> whole = RenderRays(*field, rays_, 1, 0.2f, &workers),
+                                   depths =
+                                       RenderRays(*field, rays_, 1, 0.2f, &workers, {}, RayValues::kDepths);
+    for (std::size_t i = 0; i < rays_.size(); ++i) {
+      EXPECT_EQ(depths[i].transmittance, whole[i].transmittance) << i;
+      EXPECT_EQ(depths[i].depth, whole[i].depth) << i;
+      for (const float c : depths[i].rgb) EXPECT_EQ(c, 0.f) << i;
+    }
+  }
+}
+
 TEST_F(TrainedBall, MedianDepthIsTheSameByBothQuadratures) {
   io::Workers workers(2);
   const auto rays = [&](const SceneField& scene_field) {

@@ -72,6 +72,22 @@ TEST_F(RayRenderer, MedianDepthIsWhereHalfTheLightIsAbsorbed) {
   EXPECT_TRUE(std::isinf(RenderAlong({{0, 0, 49}, {0, 0, 1}}).median_depth));
 }
 
+TEST_F(RayRenderer, DepthsAloneAreThoseOfTheWholePicture) {
+  Fill();
+  io::Workers workers(1);
+  std::vector<Ray> rays;
+  for (const float from : {-30.f, 0.f, 47.f, 49.9f, 60.f}) rays.push_back({{0, 0, from}, {0, 0, 1}});
+  const std::vector<RenderedRay> whole = RenderRays(fog_, rays, 1, 1.f, &workers),
+                                 depths = RenderRays(fog_, rays, 1, 1.f, &workers, {}, RayValues::kDepths);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    EXPECT_EQ(depths[i].transmittance, whole[i].transmittance) << i;
+    EXPECT_EQ(depths[i].depth, whole[i].depth) << i;
+    EXPECT_EQ(depths[i].median_depth, whole[i].median_depth) << i;
+    for (const float c : depths[i].rgb) EXPECT_EQ(c, 0.f) << i;
+  }
+  EXPECT_GT(whole[0].rgb[0], 0.4f);
+}
+
 // Seen from a corner of the cube, pixels are means over rays of different lengths through fog.
 TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
   Fill();
@@ -167,6 +183,9 @@ TEST_F(RayRenderer, UnboundedRaysShowTheFieldAtInfinityBehindWhatTheyPass) {
     for (const float c : seen.rgb) EXPECT_NEAR(c, 0.5, 1e-5) << "all light has the colour 0.5";
     const RenderedRay ended = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers, {.end = 5})[0];
     for (const float c : ended.rgb) EXPECT_NEAR(c, 0.5 * (1 - passes), 0.01) << "it ended before infinity";
+    const RenderedRay depth = RenderRays(fog, {&ray, 1}, 1, 1.f, &workers, {}, RayValues::kDepths)[0];
+    EXPECT_EQ(depth.transmittance, seen.transmittance);
+    for (const float c : depth.rgb) EXPECT_EQ(c, 0.f);
   }
 }
 

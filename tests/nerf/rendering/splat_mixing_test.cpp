@@ -18,10 +18,12 @@ class SplatMixing : public testing::Test {
     scene_field_.splat_focal_px = static_cast<float>(view_.camera.fl_x);
   }
 
-  std::vector<float> Mixed() {
-    std::vector<float> rgb(3 * 24 * 16, 0.25f);
-    MixSplats(scene_field_, view_.camera, view_.world_from_cam, &workers_, &rgb);
-    return rgb;
+  // With a grey field.
+  std::vector<float> Mixed(const std::optional<CropBox>& crop = {}, float opacity = 1) {
+    RenderedView field{.width = 24, .height = 16};
+    field.rgb.assign(3 * 24 * 16, 0.25f), field.opacity.assign(24 * 16, opacity);
+    MixSplats(scene_field_, view_.camera, view_.world_from_cam, crop, &workers_, &field);
+    return field.rgb;
   }
 
   io::Workers workers_{2};
@@ -40,6 +42,19 @@ TEST_F(SplatMixing, IsAMeanOfTheFieldAndOfSplatsBeforeTheField) {
     far_from_field = std::max(far_from_field, std::abs(static_cast<double>(mixed[i]) - 0.25));
   }
   EXPECT_GT(far_from_field, 0.06);
+}
+
+TEST_F(SplatMixing, InACropBoxTheFieldsOpacityIsKept) {
+  scene_field_.splats = tests::SomeSplats(60);
+  const CropBox box{.size = {4, 4, 4}};  // all of them
+  const std::vector<float> whole = Mixed(), opaque = Mixed(box, 1), half = Mixed(box, 0.5f),
+                           none = Mixed(box, 0);
+  EXPECT_EQ(opaque, whole);
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    EXPECT_EQ(none[i], 0.25f);
+    EXPECT_NEAR(half[i], 0.5 * (0.25 + whole[i]), 1e-6);
+  }
+  EXPECT_EQ(Mixed({}, 0), whole) << "without a box light that leaves the scene shows the background";
 }
 
 TEST_F(SplatMixing, WithoutSplatsItIsTheField) {
@@ -72,7 +87,7 @@ TEST_F(SplatMixing, PicturesOfAllSizesAreThatOfTheFit) {
   const SplatPicture fitted = rasteriser.Render(scene_field_.splats, view_);
   const auto picture_of = [&](int width, int height) {
     return RenderSplats(
-        scene_field_, io::ResizedCamera(view_.camera, width, height), view_.world_from_cam, &rasteriser);
+        scene_field_, io::ResizedCamera(view_.camera, width, height), view_.world_from_cam, {}, &rasteriser);
   };
   EXPECT_EQ(picture_of(24, 16).rgb, fitted.rgb);
 
@@ -101,8 +116,9 @@ TEST_F(SplatMixing, AWideAngleIsShrunkFourTimesAtMost) {
   scene_field_.splats = tests::SomeSplats(60);
   scene_field_.splat_focal_px *= 1000;
   SplatRasteriser rasteriser(&workers_);
-  EXPECT_EQ(RenderSplats(scene_field_, view_.camera, view_.world_from_cam, &rasteriser).transmittance.size(),
-            24u * 16u);
+  EXPECT_EQ(
+      RenderSplats(scene_field_, view_.camera, view_.world_from_cam, {}, &rasteriser).transmittance.size(),
+      24u * 16u);
 }
 
 }  // namespace

@@ -49,18 +49,45 @@ TEST(TrainedField, UnderSplatsAFieldOfALimitedFocalLengthIsMagnified) {
 TEST(TrainedField, WhereNoSplatsAreShownTheFieldHasThePicturesSize) {
   const SplatView view = tests::SomeView(40, 30);
   const RenderOptions limited{.field_focal_px = 10};
-  RenderOptions cropped = limited, without = limited, longer = limited;
-  cropped.limits.crop = CropBox{.size = {1, 1, 1}};
+  RenderOptions ended = limited, depth = limited, without = limited, longer = limited;
+  ended.limits.end = 5;
+  depth.depth_only = true;
   without.splats = false;
   longer.field_focal_px = view.camera.fl_x;
   const auto splats = SomeField(tests::SomeSplats(40)), none = SomeField({});
-  EXPECT_EQ(splats->FieldCamera(view.camera, cropped), view.camera);
+  EXPECT_EQ(splats->FieldCamera(view.camera, ended), view.camera);
+  EXPECT_EQ(splats->FieldCamera(view.camera, depth), view.camera);
   EXPECT_EQ(splats->FieldCamera(view.camera, without), view.camera);
   EXPECT_EQ(splats->FieldCamera(view.camera, longer), view.camera);
   EXPECT_EQ(splats->FieldCamera(view.camera, {}), view.camera);
   EXPECT_EQ(none->FieldCamera(view.camera, limited), view.camera);
   EXPECT_EQ(none->Render(view.camera, view.world_from_cam, limited).rgb,
             none->Render(view.camera, view.world_from_cam, {}).rgb);
+}
+
+TEST(TrainedField, InACropBoxSplatsAreShownThatLieInIt) {
+  const SplatView view = tests::SomeView(40, 30);
+  RenderOptions options;
+  options.limits.crop = CropBox{.size = {1.2, 1.2, 1.2}};
+  const Splats all = tests::SomeSplats(60);
+  const Splats inside =
+      SplatsWhere(all, [&](const Eigen::Vector3d& middle) { return middle.cwiseAbs().maxCoeff() < 0.6; });
+  ASSERT_TRUE(inside.size() > 10 && inside.size() < 50) << inside.size();
+  const auto picture = [&](const Splats& splats) {
+    return SomeField(splats)->Render(view.camera, view.world_from_cam, options).rgb;
+  };
+  EXPECT_EQ(picture(all), picture(inside));
+  EXPECT_NE(picture(all), picture({}));
+}
+
+TEST(TrainedField, DepthAloneIsThatOfTheWholePicture) {
+  const SplatView view = tests::SomeView(40, 30);
+  const auto field = SomeField(tests::SomeSplats(40));
+  const RenderedView whole = field->Render(view.camera, view.world_from_cam, {}),
+                     depth = field->Render(view.camera, view.world_from_cam, {.depth_only = true});
+  EXPECT_EQ(depth.depth, whole.depth);
+  EXPECT_EQ(depth.median_depth, whole.median_depth);
+  EXPECT_EQ(depth.opacity, whole.opacity);
 }
 
 // Of two splats on the optical axis, which the camera looks along from 3 before the origin, with a share of a

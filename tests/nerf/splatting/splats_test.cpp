@@ -8,15 +8,16 @@
 namespace nerf {
 namespace {
 
-TEST(Splats, ThoseWithinADistanceKeepTheirValues) {
+TEST(Splats, ThoseThatAreWantedKeepTheirValues) {
   const Splats all = tests::SomeSplats(200);
   const Eigen::Vector3d place(0.2, 0.1, 0);
   constexpr double kDistance = 0.7;
-  const Splats within = SplatsWithin(all, place, kDistance);
+  const auto is_wanted = [&](const Eigen::Vector3d& middle) { return (middle - place).norm() < kDistance; };
+  const Splats within = SplatsWhere(all, is_wanted);
   std::size_t n = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Eigen::Vector3d middle(all.places[3 * i], all.places[3 * i + 1], all.places[3 * i + 2]);
-    if ((middle - place).norm() >= kDistance) continue;
+    if (!is_wanted(middle)) continue;
     ASSERT_LT(n, within.size());
     for (std::size_t k = 0; k < 3; ++k) {
       EXPECT_EQ(within.places[3 * n + k], all.places[3 * i + k]);

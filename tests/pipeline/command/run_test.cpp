@@ -274,7 +274,7 @@ TEST_F(FakeStages, CommandStartsStagesAndExplainsItself) {
   // The stages' own help and defaults.
   for (const char* part : {"for a long walk (render); at least 0, at most 216000 [0]",
                            "(train) [\"3m\"]",
-                           "SIFT features per picture (sfm); at least 100, at most 16384 [4096]",
+                           "beyond 400 pictures down to 2048 (sfm); at least 0, at most 16384 [0]",
                            "(normalize); at least 0 [512]",
                            "(ingest); at least 3 [120]"})
     EXPECT_EQ(OutputLines(part), 1) << part << Output();
