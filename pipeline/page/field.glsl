@@ -3,6 +3,7 @@
 precision highp float;
 precision highp int;
 precision highp sampler2D;
+precision highp sampler3D;
 precision highp usampler3D;
 
 // The networks of nerf/fields/hash_network.h as blocks of 4 x 4, block (i, j) at i * columns + j. A uniform
@@ -22,16 +23,18 @@ layout(std140) uniform Colour { mat4 w4[16 * 16]; };
 
 uniform sampler2D table;     // an entry per texel, row by row
 uniform usampler3D march;    // per occupancy cell, see field_payload.h
-uniform usampler3D trained;  // per trained cell
+uniform sampler3D trained;   // per trained cell, 1 or 0; between cells' middles what lies between
 uniform vec3 origin;
 uniform mat3 rotation;    // world from camera
 uniform vec4 intrinsics;  // 1 / focal lengths, centre [px]
 uniform float height;     // of the picture [px]
 uniform float step_scale, least_transmittance, least_weight;
 uniform int rays_per_side;  // of a pixel
-out vec4 colour;
+out vec4 colour;           // and 1 - how far the pixel is veiled
 
 const float kMaxLogDensity = 15.0, kMinWeight = 1e-3;
+// Share of a pixel's light from where no training sample was, at which the veil begins and is complete.
+const float kVeilBegins = 0.5, kVeilComplete = 0.9;
 const int kMaxSamples = 4096, kMaxSteps = 65536;  // no graphics card is to hang on us
 
 // ---- networks
@@ -67,7 +70,7 @@ vec4 Encode(int l, vec3 u) {
 float QueryDensity(vec3 u, out vec4 hidden[16]) {
   for (int j = 0; j < 16; ++j) hidden[j] = vec4(0);
   ivec3 cell = clamp(ivec3(u * float(TRAINED)), 0, TRAINED - 1);
-  int n_levels = texelFetch(trained, cell, 0).r != 0u ? 8 : KEPT_LEVELS;
+  int n_levels = texelFetch(trained, cell, 0).r > 0.5 ? 8 : KEPT_LEVELS;
   for (int i = 0; i < n_levels; ++i) {
     vec4 features = Encode(i, u);
     for (int j = 0; j < 16; ++j) hidden[j] += w1[i * 16 + j] * features;
@@ -169,14 +172,14 @@ bool NextSample(inout Path path, out vec3 u, out float delta) {
 
 // Samples share a colour, that of their mean hidden layer, until they weigh least_weight together: what follows
 // the hidden layer costs three times as much as what leads to it. stagger: share of the first interval that is
-// skipped.
-vec3 RayColour(vec3 direction, float stagger) {
+// skipped. Last comes the share of the light from where no training sample was.
+vec4 RayColour(vec3 direction, float stagger) {
   Path path = StartPath(direction);
   path.t += stagger * Delta(path.t);
   vec3 rgb = vec3(0), u;
   vec4 hidden[16], mean[16];
   for (int j = 0; j < 16; ++j) mean[j] = vec4(0);
-  float optical_depth = 0.0, transmittance = 1.0, gathered = 0.0, coloured = 0.0, delta;
+  float optical_depth = 0.0, transmittance = 1.0, gathered = 0.0, coloured = 0.0, unseen = 0.0, delta;
   bool inside = true;
   for (int i = 0; i < kMaxSamples && inside && transmittance >= least_transmittance; ++i) {
     inside = NextSample(path, u, delta);
@@ -195,6 +198,7 @@ vec3 RayColour(vec3 direction, float stagger) {
       transmittance = 0.0;
     }
     gathered += weight;
+    if (HAS_UNKNOWN_SPACE) unseen += weight * (1.0 - texture(trained, u).r);
     for (int j = 0; j < 16; ++j) mean[j] += weight * hidden[j];
     bool last = !inside || transmittance < least_transmittance;
     if (gathered >= least_weight || (last && gathered >= kMinWeight)) {
@@ -205,18 +209,20 @@ vec3 RayColour(vec3 direction, float stagger) {
     }
   }
   if (coloured > 0.0) rgb *= (1.0 - transmittance) / coloured;
-  return rgb + transmittance * BACKGROUND;
+  return vec4(rgb + transmittance * BACKGROUND, unseen);
 }
 
 void main() {
   float side = 1.0 / float(rays_per_side);
   int n_rays = rays_per_side * rays_per_side;
-  vec3 sum = vec3(0);
+  vec4 sum = vec4(0);
   for (int i = 0; i < n_rays; ++i) {
     vec2 cell = (vec2(i % rays_per_side, i / rays_per_side) + 0.5) * side - 0.5;
     vec2 pixel = vec2(gl_FragCoord.x, height - gl_FragCoord.y) + cell;
     vec2 image = (pixel - intrinsics.zw) * intrinsics.xy;
     sum += RayColour(rotation * normalize(vec3(image.x, -image.y, -1)), float(i) / float(n_rays));
   }
-  colour = vec4(clamp(sum / float(n_rays), 0.0, 1.0), 1);
+  vec4 mean = clamp(sum / float(n_rays), 0.0, 1.0);
+  float veil = smoothstep(kVeilBegins, kVeilComplete, mean.a);
+  colour = vec4(mix(mean.rgb, UNSEEN, veil), 1.0 - veil);
 }

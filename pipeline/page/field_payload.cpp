@@ -6,6 +6,7 @@
 
 #include "io/base/check.h"
 #include "nerf/rendering/trained_field.h"
+#include "pipeline/film/film.h"
 #include "pipeline/page/splat_payload.h"
 
 namespace pipeline {
@@ -84,7 +85,7 @@ std::vector<std::uint8_t> TrainedBytes(const nerf::TrainedCells& trained) {
   for (std::size_t z = 0; z < n; ++z)
     for (std::size_t y = 0; y < n; ++y)
       for (std::size_t x = 0; x < n; ++x)
-        cells.push_back(trained.Contains(centre(x), centre(y), centre(z)) ? 1 : 0);
+        cells.push_back(trained.Contains(centre(x), centre(y), centre(z)) ? 255 : 0);
   return cells;
 }
 
@@ -117,7 +118,9 @@ Json SpaceJson(const nerf::SceneField& scene_field, bool has_alpha) {
           {"cone_angle", sampling.cone_angle},
           {"step_scale", nerf::FinestStepScale(scene_field.samples_per_pixel)},
           {"rays_per_pixel", scene_field.samples_per_pixel},
-          {"background", scene_field.Background(has_alpha, kWhite)}};
+          {"background", scene_field.Background(has_alpha, kWhite)},
+          {"has_unknown_space", !has_alpha && !scene_field.background},
+          {"unseen", kUnseenTone}};
 }
 
 // Constants of the shader, and how splats and field are mixed.

@@ -6,7 +6,8 @@
 //             of the level's largest, so that small ones keep their digits
 //   march     a byte per occupancy cell: 0: occupied; d > 0: a ray may advance d - 1 cells, as in
 //             kernels/march_reference.h
-//   trained   a byte per cell of TrainedCells: whether hashed levels count there
+//   trained   a byte per cell of TrainedCells, 255 or 0: whether hashed levels count there, and whether any
+//             photograph showed it; what none did is veiled
 #pragma once
 
 #include <array>

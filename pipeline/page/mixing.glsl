@@ -1,4 +1,4 @@
-// The picture of field and splats in one: nerf/rendering/splat_mixing.h.
+// The picture of field and splats in one: nerf/rendering/splat_mixing.h. The field's veil lies over both.
 precision highp float;
 
 uniform sampler2D field, splats;
@@ -7,8 +7,9 @@ out vec4 colour;
 
 void main() {
   vec2 at = gl_FragCoord.xy / size;
-  vec3 alone = texture(field, at).rgb;
+  vec4 veiled = texture(field, at);
+  vec3 alone = veiled.rgb;
   vec4 before = texture(splats, at);
   vec3 over = before.rgb + (1.0 - before.a) * alone;
-  colour = vec4(clamp(alone + SHARE * (over - alone), 0.0, 1.0), 1);
+  colour = vec4(mix(UNSEEN, clamp(alone + SHARE * (over - alone), 0.0, 1.0), veiled.a), 1);
 }

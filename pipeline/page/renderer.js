@@ -13,7 +13,7 @@ const kTileMs = 60, kLeastTile = 32;  // [ms], [px]; smaller tiles are mostly ov
 const kPresentMs = 100;
 const kTableWidth = 2048;  // every WebGL 2 has textures of that size
 
-const gl = picture.getContext('webgl2', { antialias: false, depth: false, preserveDrawingBuffer: true });
+const gl = picture.getContext('webgl2', { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
 
 const real = (value) => { const text = String(value); return /[.e]/.test(text) ? text : text + '.0'; };
 
@@ -22,7 +22,8 @@ function fieldConstants({ space, grid_resolution, trained_resolution, kept_level
     KEPT_LEVELS: kept_levels, GRID: grid_resolution, NEAR: real(space.near), FAR: real(space.far),
     CENTRE: `vec3(${space.centre.map(real)})`, HALF: real(space.half), UNBOUNDED: space.unbounded,
     ENDS_AT_INFINITY: space.ends_at_infinity, STEP_SIZE: real(space.step_size), CONE_ANGLE: real(space.cone_angle),
-    BACKGROUND: `vec3(${space.background.map(real)})` };
+    BACKGROUND: `vec3(${space.background.map(real)})`, HAS_UNKNOWN_SPACE: space.has_unknown_space,
+    UNSEEN: `vec3(${space.unseen.map(real)})` };
 }
 
 // Of two shaders in the page, with constants by name.
@@ -78,13 +79,15 @@ function uploadTextures(program, field) {
   gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, kTableWidth, rows);
   gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, kTableWidth, rows, gl.RGBA, gl.UNSIGNED_BYTE, texels);
   place('table', 0);
-  const cells = { march: field.description.grid_resolution, trained: field.description.trained_resolution };
-  Object.entries(cells).forEach(([name, n], i) => {
-    bindTexture(1 + i, gl.TEXTURE_3D);
-    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R8UI, n, n, n);
-    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, n, n, n, gl.RED_INTEGER, gl.UNSIGNED_BYTE, field[name]);
-    place(name, 1 + i);
-  });
+  const cells = (name, unit, n, kind, format, between) => {
+    bindTexture(unit, gl.TEXTURE_3D, between);
+    gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_WRAP_R, gl.CLAMP_TO_EDGE);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, kind, n, n, n);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, n, n, n, format, gl.UNSIGNED_BYTE, field[name]);
+    place(name, unit);
+  };
+  cells('march', 1, field.description.grid_resolution, gl.R8UI, gl.RED_INTEGER, gl.NEAREST);
+  cells('trained', 2, field.description.trained_resolution, gl.R8, gl.RED, gl.LINEAR);
 }
 
 // A picture on the graphics card.
@@ -133,7 +136,7 @@ class Renderer {
     uploadWeights(this.program, field);
     uploadTextures(this.program, field);
     this.isMixed = false;
-    this.splats = field.splats ? new Splats(field.splats) : null;
+    this.splats = field.splats ? new Splats(field.splats, fieldConstants(field.description).UNSEEN) : null;
     this.presented = 0;
     this.shown = makeTarget();
     this.next = makeTarget();

@@ -36,12 +36,13 @@ function magnified(camera, times) {
 }
 
 class Splats {
-  constructor({ description, texels }) {
+  // unseen: the veil's colour, as the shader reads it
+  constructor({ description, texels }, unseen) {
     Object.assign(this, description);  // see splat_payload.h
     const constants = { SPLAT_WIDTH: kTableWidth };
     for (const [name, value] of Object.entries(description.constants)) constants[name] = real(value);
     this.program = makeProgram(constants, 'splat-vertex', 'splat-fragment');
-    this.mixing = makeProgram({ SHARE: real(description.share) }, 'cover', 'mixing');
+    this.mixing = makeProgram({ SHARE: real(description.share), UNSEEN: unseen }, 'cover', 'mixing');
     this.n = texels.length / 8;
     this.places = new Float32Array(3 * this.n);
     const values = new Float32Array(texels.buffer, texels.byteOffset, texels.length);

@@ -11,6 +11,7 @@
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/trainer.h"
 #include "pipeline/film/camera_path_file.h"
+#include "pipeline/film/film.h"
 #include "pipeline/page/page_export.h"
 #include "tests/support/programs/browser.h"
 #include "tests/support/programs/require_program.h"
@@ -45,20 +46,26 @@ class Played {
   fs::path page() const { return dir_ / "scene.html"; }
   std::string Url() const { return "file://" + page().string() + "#size=96x72"; }
 
+  const io::Rigid3d& FirstPose() const { return scene_.frames[1].world_from_cam; }
+
+  io::Image Snapshot(Browser* browser, const io::Camera& camera, const io::Rigid3d& pose) const {
+    const nlohmann::json asked = {{"pose", RowsOf(pose)},
+                                  {"width", camera.width},
+                                  {"height", camera.height},
+                                  {"focal", {camera.fl_x, camera.fl_y}},
+                                  {"centre", {camera.cx, camera.cy}}};
+    const std::string address = browser->Evaluate("snapshot(" + asked.dump() + ")");
+    WriteText(dir_ / "page.png", FromBase64(address.substr(address.find(',') + 1)));
+    return io::ReadImage(dir_ / "page.png");
+  }
+
   // Of the page's picture against that of the field, both at their finest, with a camera whose axis is not in
   // the middle.
   double Psnr(Browser* browser) const {
     const io::Camera camera = {
         .width = kWidth, .height = kHeight, .fl_x = 80, .fl_y = 84, .cx = 34, .cy = 29.5};
-    const io::Rigid3d& pose = scene_.frames[1].world_from_cam;
-    const nlohmann::json asked = {{"pose", RowsOf(pose)},
-                                  {"width", kWidth},
-                                  {"height", kHeight},
-                                  {"focal", {camera.fl_x, camera.fl_y}},
-                                  {"centre", {camera.cx, camera.cy}}};
-    const std::string address = browser->Evaluate("snapshot(" + asked.dump() + ")");
-    WriteText(dir_ / "page.png", FromBase64(address.substr(address.find(',') + 1)));
-    const io::Image page = io::ReadImage(dir_ / "page.png");
+    const io::Rigid3d& pose = FirstPose();
+    const io::Image page = Snapshot(browser, camera, pose);
     const auto field = nerf::TrainedField::Load(dir_ / "train/checkpoint.bin");
     const nerf::RenderedView view = field->Render(camera, pose, {});
     double sum = 0;
@@ -105,6 +112,15 @@ TEST(PageExport, ShowsAnUnboundedFieldAsItRenders) {
   ASSERT_TRUE(browser.Becomes(kStarted)) << browser.Evaluate("document.body.innerText");
   EXPECT_GT(browser.Evaluate("renderer.splats.n").get<int>(), 1000);
   EXPECT_GT(played.Psnr(&browser), 45);
+  // From behind the walls, away from them, there is nothing that a photo showed.
+  io::Rigid3d behind = played.FirstPose();
+  behind.translation *= 5;
+  behind.rotation.col(0) *= -1, behind.rotation.col(2) *= -1;
+  const io::Camera camera = {.width = 24, .height = 16, .fl_x = 20, .fl_y = 20, .cx = 12, .cy = 8};
+  const io::Image veiled = played.Snapshot(&browser, camera, behind);
+  io::WriteImage("/tmp/veiled.png", veiled);
+  for (int c = 0; c < 3; ++c)
+    EXPECT_NEAR(veiled.Pixel(12, 8)[c], 255 * kUnseenTone[static_cast<std::size_t>(c)], 1) << c;
   // Where a picture of splats takes long, none is waited for while a hand moves.
   for (const char* quick : {"false", "true"}) {
     const std::string value = quick;
