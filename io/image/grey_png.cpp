@@ -1,5 +1,6 @@
 #include "io/image/grey_png.h"
 
+#include <opencv2/core.hpp>
 #include <string_view>
 #include <vector>
 
