@@ -44,6 +44,8 @@ class RadianceField {
   // Where in its pixel a ray starts: the centre, except for fields trained as the report did.
   virtual double pixel_offset() const { return 0.5; }
 
+  // Whether training samples came near a place of the unit cube. What the field has elsewhere means nothing.
+  virtual bool IsLearnt(float /*x*/, float /*y*/, float /*z*/) const { return true; }
   // Densities sigma [n] per scene unit at all samples. Safe to call from several threads, as is Query.
   virtual void QueryDensity(const Samples& samples, float* sigma) const = 0;
   // Densities and colours rgb [n][3] in [0, 1], arbitrary where not wanted; sample i lies on rays[ray_of[i]].

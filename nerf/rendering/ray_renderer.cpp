@@ -108,11 +108,12 @@ void ShadeWave(const SceneField& scene_field,
     kernels.exp(n, &scratch->transmittance[begin]);
     for (std::size_t i = begin; i < end; ++i) {
       RayState& state = scratch->active[static_cast<std::size_t>(scratch->active_of[i])];
-      state.gathered += Absorb(scratch->opacity[i],
-                               scratch->transmittance[i],
-                               scratch->samples.t[i],
-                               scratch->samples.delta[i],
-                               &out[state.index]);
+      const Samples& samples = scratch->samples;
+      const float weight = Absorb(
+          scratch->opacity[i], scratch->transmittance[i], samples.t[i], samples.delta[i], &out[state.index]);
+      if (!scene_field.field->IsLearnt(samples.x[i], samples.y[i], samples.z[i]))
+        out[state.index].unlearnt += weight;
+      state.gathered += weight;
       // Written so that a NaN is shown.
       *wanted++ = scratch->wanted[i] = values == RayValues::kColours && !(state.gathered < kMinColourWeight);
       if (!scratch->wanted[i]) continue;
@@ -147,6 +148,9 @@ void ShadeInfinity(const SceneField& scene_field,
   for (std::size_t i = 0; i < scratch->ray_of.size(); ++i) {
     RenderedRay& ray = out[scratch->ray_of[i]];
     for (std::size_t j = 0; j < 3; ++j) ray.rgb[j] += ray.transmittance * scratch->rgb[3 * i + j];
+    const Samples& samples = scratch->samples;
+    if (!scene_field.field->IsLearnt(samples.x[i], samples.y[i], samples.z[i]))
+      ray.unlearnt += ray.transmittance;
   }
 }
 
@@ -167,7 +171,7 @@ void RenderPruned(const SceneField& scene_field,
     if (limits.crop) Clip(*limits.crop, rays[static_cast<std::size_t>(i)], &state.t, &state.t_last);
     const float share = static_cast<float>(i % samples_per_pixel) / static_cast<float>(samples_per_pixel);
     state.t += share * sampler.Delta(step_scale, state.t);
-    out[i] = {{0, 0, 0}, 1, 0, kInfinity};
+    out[i] = {{0, 0, 0}, 1, 0, kInfinity, 0};
     scratch->active.push_back(state);
   }
   while (!scratch->active.empty()) {
@@ -322,6 +326,7 @@ std::vector<RenderedRay> RenderPixels(const SceneField& scene_field,
     mean.transmittance += share * rendered[i].transmittance;
     mean.depth += share * rendered[i].depth;
     mean.median_depth += share * rendered[i].median_depth;
+    mean.unlearnt += share * rendered[i].unlearnt;
   }
   return means;
 }

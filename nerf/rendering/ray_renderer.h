@@ -19,6 +19,7 @@ struct RenderedRay {
   float transmittance;  // share of the light that leaves the scene: what shows the background or infinity
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
   float median_depth;   // where half the light is absorbed; infinity where less is
+  float unlearnt;       // share of the light that comes from where the field learnt nothing (IsLearnt)
 };
 
 // A pixel of a camera.

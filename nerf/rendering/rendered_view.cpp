@@ -25,7 +25,8 @@ RenderedView Magnified(const RenderedView& view, int width, int height) {
           .rgb = Resized(view.rgb, view, width, height, cv::INTER_LINEAR),
           .depth = Resized(view.depth, view, width, height, cv::INTER_LINEAR),
           .opacity = Resized(view.opacity, view, width, height, cv::INTER_LINEAR),
-          .median_depth = Resized(view.median_depth, view, width, height, cv::INTER_NEAREST_EXACT)};
+          .median_depth = Resized(view.median_depth, view, width, height, cv::INTER_NEAREST_EXACT),
+          .unlearnt = Resized(view.unlearnt, view, width, height, cv::INTER_LINEAR)};
 }
 
 }  // namespace nerf

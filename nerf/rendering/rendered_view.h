@@ -13,6 +13,8 @@ struct RenderedView {
   // [height][width], distance at which half of a ray's light is absorbed; infinite where less is. The place
   // of the surface, with one ray per pixel; expected depth mixes what is before and behind an edge.
   std::vector<float> median_depth = {};
+  // [height][width], share of the light that comes from where the field learnt nothing.
+  std::vector<float> unlearnt = {};
 };
 
 // The view with more pixels: each value between those around it, but the median depth of the nearest pixel,

@@ -52,6 +52,15 @@ float At(const std::vector<float>& values, int width, int height, float x, float
          v * ((1 - u) * value(x0, y1) + u * value(x1, y1));
 }
 
+float VeilAt(float unobserved_share) {
+  const float u = std::clamp((unobserved_share - kVeilBegins) / (kVeilComplete - kVeilBegins), 0.f, 1.f);
+  return u * u * (3 - 2 * u);
+}
+
+void Cover(float veil, const std::array<float, 3>& tone, float rgb[3]) {
+  for (std::size_t j = 0; j < 3; ++j) rgb[j] += veil * (tone[j] - rgb[j]);
+}
+
 float LargestAngle(const std::vector<Vector3d>& directions) {
   double least_cosine = 1;
   for (std::size_t i = 0; i < directions.size(); ++i) {
@@ -230,14 +239,17 @@ void VeilUnobserved(const ViewSupport& support,
                              height,
                              scale_x * (static_cast<float>(x) + 0.5f),
                              scale_y * (static_cast<float>(y) + 0.5f));
-      const float u = std::clamp((share - kVeilBegins) / (kVeilComplete - kVeilBegins), 0.f, 1.f);
-      if (u == 0) continue;
+      const float veil = VeilAt(share);
+      if (veil == 0) continue;
       const auto pixel = static_cast<std::size_t>(y * view->width + x);
-      const float veil = u * u * (3 - 2 * u) * (is_cropped ? view->opacity[pixel] : 1);
-      float* rgb = &view->rgb[3 * pixel];
-      for (std::size_t j = 0; j < 3; ++j) rgb[j] += veil * (tone[j] - rgb[j]);
+      Cover(veil * (is_cropped ? view->opacity[pixel] : 1), tone, &view->rgb[3 * pixel]);
     }
   }
+}
+
+void VeilUnlearnt(const std::array<float, 3>& tone, RenderedView* view) {
+  for (std::size_t i = 0; i < view->unlearnt.size(); ++i)
+    Cover(VeilAt(view->unlearnt[i]), tone, &view->rgb[3 * i]);
 }
 
 }  // namespace nerf

@@ -80,6 +80,10 @@ void VeilUnobserved(const ViewSupport& support,
                     bool is_cropped,
                     RenderedView* view);
 
+// The same by what the field learnt, which takes no time. For a bounded view, light that leaves counts as
+// learnt.
+void VeilUnlearnt(const std::array<float, 3>& tone, RenderedView* view);
+
 // Radians across a pixel in the middle of the picture.
 double PixelAngle(const io::Camera& camera);
 

@@ -90,6 +90,7 @@ class CheckpointTrainedField : public TrainedField {
         options.limits.crop ? options.background : Background(options.background);
     const std::size_t n = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
     view.rgb.reserve(3 * n), view.depth.reserve(n), view.median_depth.reserve(n), view.opacity.reserve(n);
+    view.unlearnt.reserve(n);
     const RayValues values = options.depth_only ? RayValues::kDepths : RayValues::kColours;
     std::vector<CameraPixel> band;
     for (int y = 0; y < camera.height; ++y) {
@@ -103,6 +104,7 @@ class CheckpointTrainedField : public TrainedField {
         view.depth.push_back(ray.depth);
         view.median_depth.push_back(ray.median_depth);
         view.opacity.push_back(1.f - ray.transmittance);
+        view.unlearnt.push_back(ray.unlearnt);
       }
       band.clear();
     }
@@ -126,7 +128,7 @@ std::size_t LoadedFieldBytes(const std::filesystem::path& checkpoint) {
 
 std::size_t RenderingBytes(const io::Camera& camera, int samples_per_pixel) {
   constexpr std::size_t kPerPixel =
-      48;  // 24 of the view, 3 of the picture, twice as much while it is encoded
+      56;  // 28 of the view, 3 of the picture, twice as much while it is encoded
   constexpr std::size_t kPerRay = sizeof(Ray) + 2 * sizeof(RenderedRay) + sizeof(CameraPixel);
   const auto width = static_cast<std::size_t>(camera.width), height = static_cast<std::size_t>(camera.height);
   const auto rays = static_cast<std::size_t>(samples_per_pixel);

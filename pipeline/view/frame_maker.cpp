@@ -63,6 +63,7 @@ void Append(const nerf::RenderedView& band, nerf::RenderedView* view) {
   view->rgb.insert(view->rgb.end(), band.rgb.begin(), band.rgb.end());
   view->depth.insert(view->depth.end(), band.depth.begin(), band.depth.end());
   view->opacity.insert(view->opacity.end(), band.opacity.begin(), band.opacity.end());
+  view->unlearnt.insert(view->unlearnt.end(), band.unlearnt.begin(), band.unlearnt.end());
 }
 
 // What the layer shows of a rendered view.
@@ -77,8 +78,10 @@ io::Image Picture(const FrameRequest& request,
     return ViewCountPicture(
         support, static_cast<int>(content.scene->frames.size()), view->width, view->height);
   }
-  // As the film has it; while a hand moves there is no time for it.
-  if (request.quality != ViewQuality::kFast && content.field->HasUnknownSpace()) {
+  if (!content.field->HasUnknownSpace()) return QuantizeView(*view);
+  if (request.quality == ViewQuality::kFast) {
+    nerf::VeilUnlearnt(kUnseenTone, view);
+  } else {  // as the film has it, which takes longer
     const auto support = content.support->ObservedIn(request.camera, request.world_from_cam, *view, threads);
     nerf::VeilUnobserved(support, kUnseenTone, request.crop.has_value(), view);
   }

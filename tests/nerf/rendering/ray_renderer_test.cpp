@@ -88,6 +88,27 @@ TEST_F(RayRenderer, DepthsAloneAreThoseOfTheWholePicture) {
   EXPECT_GT(whole[0].rgb[0], 0.4f);
 }
 
+// Of training, samples reached the half with z < 0, and so far that a cell beside it counts as well.
+TEST_F(RayRenderer, LightFromWhereNothingWasLearntIsTold) {
+  Fill();
+  constexpr std::size_t kCells = TrainedCells::kResolution;
+  Samples samples;
+  samples.resize(kCells * kCells * kCells / 2);
+  for (std::size_t i = 0; i < samples.x.size(); ++i) {
+    const auto middle = [](std::size_t cell) { return (static_cast<float>(cell) + 0.5f) / kCells; };
+    samples.x[i] = middle(i % kCells), samples.y[i] = middle(i / kCells % kCells);
+    samples.z[i] = middle(i / kCells / kCells);
+  }
+  auto& trained = dynamic_cast<HashField&>(*fog_.field).trained_cells();
+  EXPECT_EQ(RenderAlong({{0, 0, -2}, {0, 0, 1}}).unlearnt, 0) << "as long as nothing is marked";
+  trained.Mark(samples, 1);
+  trained.Refresh();
+  const RenderedRay ray = RenderAlong({{0, 0, -2}, {0, 0, 1}}, 0.1f);
+  const double cell = 100.0 / kCells;
+  EXPECT_NEAR(ray.unlearnt, std::exp(-(2 + cell) * std::exp(-1.0)) - ray.transmittance, 0.005);
+  EXPECT_EQ(RenderAlong({{0, 0, -2}, {0, 0, -1}}).unlearnt, 0);
+}
+
 // Seen from a corner of the cube, pixels are means over rays of different lengths through fog.
 TEST_F(RayRenderer, PixelsAreTheMeansOfTheirRays) {
   Fill();

@@ -98,6 +98,17 @@ TEST(SupportMap, QuickAnswerIsThatOfTheFullOne) {
   EXPECT_LT(full.UnobservedShare(), 0.5);
 }
 
+TEST(Veil, CoversWhereMostLightIsOfWhatWasNotLearnt) {
+  nerf::RenderedView view{.width = 4, .height = 1};
+  view.rgb.assign(12, 0.5f);
+  view.unlearnt = {0, 0.5f, 0.7f, 0.95f};
+  nerf::VeilUnlearnt({0.1f, 0.1f, 0.1f}, &view);
+  EXPECT_EQ(view.rgb[0], 0.5f);
+  EXPECT_EQ(view.rgb[3], 0.5f);
+  EXPECT_NEAR(view.rgb[6], 0.3f, 1e-6);
+  EXPECT_NEAR(view.rgb[9], 0.1f, 1e-6);
+}
+
 TEST(Veil, CoversHolesWithASoftEdgeAndLeavesSpecks) {
   nerf::ViewSupport support{.width = 32, .height = 24, .views = {}, .angle = {}, .observed = {}};
   support.observed.assign(32 * 24, 1);
