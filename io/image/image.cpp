@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "io/base/atomic_file.h"
+#include "io/base/error.h"
 #include "io/image/media_type.h"
 #include "io/image/opencv_encode.h"
 #include "io/image/photo_codecs.h"

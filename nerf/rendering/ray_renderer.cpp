@@ -109,15 +109,14 @@ void ShadeWave(const SceneField& scene_field,
     for (std::size_t i = begin; i < end; ++i) {
       RayState& state = scratch->active[static_cast<std::size_t>(scratch->active_of[i])];
       const Samples& samples = scratch->samples;
-      const float weight = Absorb(
+      state.gathered += Absorb(
           scratch->opacity[i], scratch->transmittance[i], samples.t[i], samples.delta[i], &out[state.index]);
-      if (!scene_field.field->IsLearnt(samples.x[i], samples.y[i], samples.z[i]))
-        out[state.index].unlearnt += weight;
-      state.gathered += weight;
       // Written so that a NaN is shown.
       *wanted++ = scratch->wanted[i] = values == RayValues::kColours && !(state.gathered < kMinColourWeight);
       if (!scratch->wanted[i]) continue;
       scratch->weights[i] = state.gathered;
+      if (!scene_field.field->IsLearnt(samples.x[i], samples.y[i], samples.z[i]))
+        out[state.index].unlearnt += state.gathered;
       state.coloured += state.gathered;
       state.gathered = 0;
     }
@@ -188,6 +187,7 @@ void RenderPruned(const SceneField& scene_field,
       ray.depth += ray.transmittance * std::max(state.t_last, 0.f);
       const float share = state.coloured > 0 ? (1 - ray.transmittance) / state.coloured : 1;
       for (float& c : ray.rgb) c *= share;
+      ray.unlearnt *= share;
     }
     scratch->active.resize(kept);
   }

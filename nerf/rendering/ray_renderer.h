@@ -19,7 +19,7 @@ struct RenderedRay {
   float transmittance;  // share of the light that leaves the scene: what shows the background or infinity
   float depth;          // expected distance along the ray; the end of the ray where nothing is hit
   float median_depth;   // where half the light is absorbed; infinity where less is
-  float unlearnt;       // share of the light that comes from where the field learnt nothing (IsLearnt)
+  float unlearnt;       // share of the light, in rgb, from where the field learnt nothing (IsLearnt)
 };
 
 // A pixel of a camera.
@@ -28,7 +28,7 @@ struct CameraPixel {
   int x, y;
 };
 
-// What is wanted of rays. Depths alone, whose rays stay black, take half of the time or less.
+// What is wanted of rays. Depths alone, whose rays stay black, take a quarter less time.
 enum class RayValues { kColours, kDepths };
 
 // step_scale is the share of the training interval to sample with (see RenderOptions in trained_field.h). The

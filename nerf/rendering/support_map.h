@@ -80,7 +80,7 @@ void VeilUnobserved(const ViewSupport& support,
                     bool is_cropped,
                     RenderedView* view);
 
-// The same by what the field learnt, which takes no time. For a bounded view, light that leaves counts as
+// The same by what the field learnt, which takes no time. In a crop box, light that leaves it counts as
 // learnt.
 void VeilUnlearnt(const std::array<float, 3>& tone, RenderedView* view);
 

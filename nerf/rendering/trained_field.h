@@ -33,7 +33,7 @@ struct RenderOptions {
   // Whether the scene's splats, if it has any, are in the colours; not where rays end at a distance. Depth
   // and opacity are the field's.
   bool splats = true;
-  // Depth and opacity alone, in half of the time or less: colours are the background's.
+  // Depth and opacity alone, in a quarter less time: colours are the background's.
   bool depth_only = false;
   // Under splats, which have the detail, the field's picture has at most this focal length [px] and is
   // magnified: at the one of the training pictures nothing is lost (EXPERIMENTS.md). 0: that of the camera.
