@@ -2,6 +2,7 @@
 // libraries stay behind fences, and files have a readable size.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -160,6 +161,48 @@ std::vector<std::string> IncludeFaults(const Rooms& rooms, const File& file) {
   return faults;
 }
 
+// Names that a source may only use when a header that has them is among its includes or among those of ours
+// that it includes. Presets that join the sources of a room compile without.
+struct Provider {
+  std::regex use, headers;
+};
+const std::vector<Provider> kProviders = {
+    {std::regex(R"(\b(throw|const) (io::)?Error\b)"), std::regex("io/base/error.h")},
+    {std::regex(R"(\bcv::|\bCV_\d)"), std::regex("opencv2/.*")},
+    {std::regex(R"(\bfmt::)"), std::regex("fmt/.*")},
+    {std::regex(R"(\bnlohmann::)"), std::regex("nlohmann/.*")}};
+
+// All that a file includes, and what our headers among it do.
+std::set<std::string> Included(const std::map<std::string, File>& files, const File& file) {
+  std::set<std::string> included;
+  std::vector<std::string> open = Includes(file);
+  while (!open.empty()) {
+    const std::string name = open.back();
+    open.pop_back();
+    const auto header = files.find(name);
+    if (!included.insert(name).second || header == files.end()) continue;
+    for (std::string& include : Includes(header->second)) open.push_back(std::move(include));
+  }
+  return included;
+}
+
+std::vector<std::string> MissingIncludes(const std::map<std::string, File>& files, const File& file) {
+  std::vector<std::string> faults;
+  const std::set<std::string> included = Included(files, file);
+  for (const Provider& provider : kProviders) {
+    const auto uses = [&](const std::string& line) {
+      return std::regex_search(line.substr(0, line.find("//")), provider.use);
+    };
+    const auto provides = [&](const std::string& include) {
+      return std::regex_match(include, provider.headers);
+    };
+    const auto line = std::find_if(file.lines.begin(), file.lines.end(), uses);
+    if (line != file.lines.end() && std::none_of(included.begin(), included.end(), provides))
+      faults.push_back(file.name + " includes no header for: " + *line);
+  }
+  return faults;
+}
+
 std::vector<std::string> FormFaults(const File& file) {
   std::vector<std::string> faults;
   const bool is_header = file.name.ends_with(".h");
@@ -196,6 +239,28 @@ TEST(IncludeLint, EveryFileKeepsTheRules) {
   }
   EXPECT_EQ(used_rooms.size(), rooms.size());
   EXPECT_GT(n_includes, 4 * files.size());
+}
+
+TEST(IncludeLint, SourcesIncludeWhatTheyUse) {
+  std::map<std::string, File> files;
+  for (File& file : ReadSources()) files.emplace(file.name, file);
+  for (const auto& [name, file] : files) {
+    if (!name.ends_with(".cpp")) continue;
+    for (const std::string& fault : MissingIncludes(files, file)) ADD_FAILURE() << fault;
+  }
+
+  const std::map<std::string, File> some = {{"io/base/error.h", {"io/base/error.h", {}}},
+                                            {"io/a.h", {"io/a.h", {"#include \"io/base/error.h\""}}}};
+  const auto count = [&](std::vector<std::string> lines) {
+    return MissingIncludes(some, {"io/a.cpp", std::move(lines)}).size();
+  };
+  EXPECT_EQ(count({"#include \"io/a.h\"", "throw io::Error();"}), 0u);
+  EXPECT_EQ(count({"#include \"io/b.h\"", "throw io::Error();"}), 1u);
+  EXPECT_EQ(count({"} catch (const Error& error) {"}), 1u);
+  EXPECT_EQ(count({"// throw Error", "const ErrorBudget budget;"}), 0u);
+  EXPECT_EQ(count({"#include <opencv2/core.hpp>", "cv::Mat mat(1, 1, CV_8U);"}), 0u);
+  EXPECT_EQ(count({"int type = CV_8U;"}), 1u);
+  EXPECT_EQ(count({"fmt::format();", "nlohmann::json json;"}), 2u);
 }
 
 TEST(IncludeLint, EveryRoomSaysWhatItIsFor) {
