@@ -132,6 +132,8 @@ TEST(Hash, StreamedAndWholeAgreeAndSeeEveryByte) {
   }
   EXPECT_EQ(io::HashBytes(""), "99aa06d3014798d86001c324468d497f");  // XXH3-128 of nothing
   EXPECT_ERROR(io::HashFile(dir / "none"), io::ExitCode::kBadInput, "none");
+  std::filesystem::create_directory(dir / "folder");
+  EXPECT_ERROR(io::HashFile(dir / "folder"), io::ExitCode::kBadInput, "folder: cannot be read");
 }
 
 }  // namespace

@@ -86,6 +86,7 @@ TEST_F(Json, GettersNeverConvert) {
   EXPECT_NE(refused([&] { item.At("none").Bool(); }), "");
   EXPECT_NE(refused([&] { item.Size(); }), "");
   EXPECT_NE(refused([&] { json.At("list").Has("x"); }), "");
+  EXPECT_NE(refused([&] { json.At("list").Keys(); }), "");
   EXPECT_NE(refused([&] { json.At("list").At(1); }), "");
 }
 

@@ -127,7 +127,7 @@ TEST(PhotoCodecs, DamagedFilesAreRefused) {
   for (std::size_t i = jpeg.size() / 2; i < jpeg.size() / 2 + 40; ++i)
     jpeg[i] = static_cast<char>(jpeg[i] ^ 0x55);
   EXPECT_NE(ReasonFor(jpeg).find("damaged JPEG"), std::string::npos);
-  EXPECT_NE(ReasonFor("hello, I am a picture"), "");
+  EXPECT_NE(ReasonFor("hello, I am a picture").find("the content is not a picture"), std::string::npos);
   EXPECT_NE(ReasonFor(""), "");
   EXPECT_NE(ReasonFor("GIF89a..............................").find("GIF"), std::string::npos);
 }
@@ -196,6 +196,19 @@ TEST(PhotoCodecs, CameraRawInATiffIsRefusedByName) {
   const std::string dng = {'\x12', '\xc6', 1, 0, 4, 0, 0, 0, 1, 4, 0, 0};
   tiff.replace(directory + 2, 12, dng);
   EXPECT_NE(ReasonFor(tiff).find("camera raw"), std::string::npos);
+}
+
+TEST(PhotoCodecs, TiffsOfInkOrFractionsAreRefused) {
+  std::string ink = Encode(".tiff", Picture(CV_8UC3));
+  const std::string photometric = {6, 1, 3, 0, 1, 0, 0, 0};  // tag 262: 2 is RGB, 5 CMYK
+  const std::size_t entry = ink.rfind(photometric);
+  ASSERT_NE(entry, std::string::npos);
+  ASSERT_EQ(ink[entry + 8], 2);
+  ink[entry + 8] = 5;
+  EXPECT_NE(ReasonFor(ink).find("CMYK TIFF"), std::string::npos) << ReasonFor(ink);
+  cv::Mat fractions;
+  Picture(CV_8UC3).convertTo(fractions, CV_32F, 1 / 255.0);
+  EXPECT_NE(ReasonFor(Encode(".tiff", fractions)).find("neither 8 nor 16 bits"), std::string::npos);
 }
 
 std::string EncodeHeic(const io::Image& image) {
