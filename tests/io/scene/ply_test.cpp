@@ -110,7 +110,9 @@ TEST_F(Ply, ReadsBinaryDoublesWithoutColour) {
 TEST_F(Ply, RefusesDamage) {
   const std::string head = "ply\nformat ascii 1.0\nelement vertex ";
   const std::string xyz = "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+  const std::string green_blue = "\nproperty uchar green\nproperty uchar blue";
   EXPECT_EQ(ReadText(head + "1" + xyz + "1 2 3\n").size(), 1u);
+  EXPECT_EQ(ReadText(head + "1\nproperty uchar red" + green_blue + xyz + "255 9 9 1 2 3\n").size(), 1u);
   for (const std::string& bad : {std::string(),
                                  std::string("ply\n"),
                                  head + "2" + xyz + "1 2 3\n",
@@ -122,6 +124,12 @@ TEST_F(Ply, RefusesDamage) {
                                  head + "1" + xyz + "1 two 3\n",
                                  head + "1\nproperty float x\nend_header\n1\n",
                                  head + "1\nproperty list uchar int x\nend_header\n1\n",
+                                 "ply\nelement vertex 1" + xyz + "1 2 3\n",
+                                 std::string("ply\nformat ascii 1.0") + xyz + "1 2 3\n",
+                                 "ply\nformat ascii 1.0\nelement face 0\nelement vertex 1" + xyz + "1 2 3\n",
+                                 head + "1\nelement vertex 1" + xyz + "1 2 3\n",
+                                 head + "1\nproperty float red" + green_blue + xyz + "9 9 9 1 2 3\n",
+                                 head + "1\nproperty uchar red" + green_blue + xyz + "256 9 9 1 2 3\n",
                                  std::string("ply\nformat binary_big_endian 1.0\nelement vertex 0") + xyz}) {
     EXPECT_THROW(ReadText(bad), io::Error) << bad;
   }

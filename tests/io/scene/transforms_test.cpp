@@ -157,6 +157,8 @@ TEST_F(Transforms, NoiseInRotationsIsRepairedAndMoreIsRefused) {
 TEST_F(Transforms, RefusesMatricesThatAreNoPose) {
   for (const char* matrix : {"[[1,0,0],[0,1,0],[0,0,1]]",
                              "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1],[0,0,0,1]]",
+                             "[[1,0,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
+                             "[[1,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
                              "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,2]]",
                              "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,1,1]]",
                              "[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
@@ -210,6 +212,10 @@ TEST_F(Transforms, RefusesWrongTypesRangesAndContradictions) {
       {"\"fl_x\": 10, \"ply_file_path\": \"gone.ply\"", "", "ply_file_path: ", "does not exist"},
       {"\"fl_x\": 10, \"pipeline\": {\"near\": 6, \"far\": 2}", "", "pipeline: near", "not smaller"},
       {"\"fl_x\": 10, \"pipeline\": 7", "", ": pipeline: ", "not an object"},
+      {"\"fl_x\": 10, \"pipeline\": {\"near\": 2, \"far\": 6, \"aabb\": [[0, 0], [1, 1, 1]]}",
+       "",
+       "aabb[0]",
+       "2 elements instead of 3"},
   };
   for (const auto& c : kCases) {
     const std::string refusal = Refusal(File(c.top, c.frame));
