@@ -86,6 +86,19 @@ TEST_F(ViewServerTest, TellsSceneStateAndPhotos) {
     EXPECT_EQ(Get(std::string("/photo?index=") + index)->status, 400) << index;
 }
 
+TEST_F(ViewServerTest, BeforeThereArePosesThereIsNothingToShow) {
+  const TempDir dir;
+  LiveRun run(dir.path(), 1);
+  ViewServer server(&run, &maker_, {});
+  httplib::Client client("127.0.0.1", server.port());
+  const httplib::Headers token = {{"X-Token", server.token()}};
+  const auto get = [&](const std::string& path) { return client.Get(path.c_str(), token); };
+  EXPECT_EQ(get("/scene")->status, 404);
+  EXPECT_EQ(Json::parse(get("/state")->body)["shows"], "nothing");
+  EXPECT_EQ(get("/photo?index=0")->status, 400);
+  EXPECT_EQ(get(FramePath("colour", 1))->status, 204);
+}
+
 TEST_F(ViewServerTest, RendersEveryLayer) {
   int sequence = 0;
   for (const char* layer : {"colour", "depth", "support"}) {
