@@ -2,6 +2,7 @@
 #include "io/scene/transforms.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <fstream>
@@ -266,6 +267,8 @@ TEST_F(Transforms, PicturesStayBelowTheFolderAndAreNamedOnce) {
   }
   std::ofstream(folder_ / "text.jpg") << "no picture at all, but long enough to hold a header";
   EXPECT_NE(with("text.jpg"), "");
+  ASSERT_EQ(mkfifo((folder_ / "pipe.png").c_str(), 0600), 0);
+  EXPECT_NE(with("pipe.png").find("not a regular file"), std::string::npos);
   fs::remove(outside);
 }
 
