@@ -34,7 +34,7 @@ class HashField : public RadianceField {
   std::vector<Tensor> State() override;
   void Refresh() override;
   std::size_t n_parameters() const override;
-  bool IsLearnt(float x, float y, float z) const override { return trained_cells_.Contains(x, y, z); }
+  bool IsLearnt(float x, float y, float z) const override { return trained_cells_.IsNear(x, y, z); }
   void QueryDensity(const Samples& samples, float* sigma) const override;
   void Query(const Samples& samples,
              std::span<const Ray> rays,

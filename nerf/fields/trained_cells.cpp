@@ -35,7 +35,7 @@ void TrainedCells::Mark(const Samples& samples, double progress) {
 
 void TrainedCells::Refresh() {
   const std::uint8_t latest = *std::max_element(times_.begin(), times_.end());
-  trained_.clear();
+  trained_.clear(), near_.clear();
   if (latest == 0) return;
   trained_.resize(times_.size());
   for (std::size_t i = 0; i < times_.size(); ++i) trained_[i] = 2 * times_[i] >= latest;
@@ -44,6 +44,10 @@ void TrainedCells::Refresh() {
   Dilate<1>(touched, &trained_);
   Dilate<kN>(touched, &trained_);
   Dilate<kN * kN>(touched, &trained_);
+  near_ = trained_;
+  Dilate<1>(std::vector<std::uint8_t>(near_), &near_);
+  Dilate<kN>(std::vector<std::uint8_t>(near_), &near_);
+  Dilate<kN * kN>(std::vector<std::uint8_t>(near_), &near_);
 }
 
 }  // namespace nerf

@@ -26,6 +26,8 @@ class TrainedCells {
   // As of the last Refresh.
   bool Contains(float x, float y, float z) const { return trained_.empty() || trained_[CellAt(x, y, z)]; }
   bool ContainsAll() const { return trained_.empty(); }
+  // Whether the cell or one of the 26 around it is trained: what lies elsewhere, no photograph showed.
+  bool IsNear(float x, float y, float z) const { return near_.empty() || near_[CellAt(x, y, z)]; }
 
   // What a checkpoint stores; to be followed by Refresh() when it was changed.
   std::span<std::uint8_t> times() { return times_; }
@@ -34,7 +36,7 @@ class TrainedCells {
   static std::size_t CellAt(float x, float y, float z);
 
   std::vector<std::uint8_t> times_;
-  std::vector<std::uint8_t> trained_;  // empty: all are
+  std::vector<std::uint8_t> trained_, near_;  // empty: all are
 };
 
 }  // namespace nerf

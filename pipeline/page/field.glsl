@@ -23,7 +23,7 @@ layout(std140) uniform Colour { mat4 w4[16 * 16]; };
 
 uniform sampler2D table;     // an entry per texel, row by row
 uniform usampler3D march;    // per occupancy cell, see field_payload.h
-uniform sampler3D trained;   // per trained cell, 1 or 0; between cells' middles what lies between
+uniform sampler3D trained;   // per trained cell 1, near one 0.5, else 0; between cells' middles what lies between
 uniform vec3 origin;
 uniform mat3 rotation;    // world from camera
 uniform vec4 intrinsics;  // 1 / focal lengths, centre [px]
@@ -70,7 +70,7 @@ vec4 Encode(int l, vec3 u) {
 float QueryDensity(vec3 u, out vec4 hidden[16]) {
   for (int j = 0; j < 16; ++j) hidden[j] = vec4(0);
   ivec3 cell = clamp(ivec3(u * float(TRAINED)), 0, TRAINED - 1);
-  int n_levels = texelFetch(trained, cell, 0).r > 0.5 ? 8 : KEPT_LEVELS;
+  int n_levels = texelFetch(trained, cell, 0).r > 0.75 ? 8 : KEPT_LEVELS;
   for (int i = 0; i < n_levels; ++i) {
     vec4 features = Encode(i, u);
     for (int j = 0; j < 16; ++j) hidden[j] += w1[i * 16 + j] * features;
@@ -198,7 +198,7 @@ vec4 RayColour(vec3 direction, float stagger) {
       transmittance = 0.0;
     }
     gathered += weight;
-    if (HAS_UNKNOWN_SPACE) unseen += weight * (1.0 - texture(trained, u).r);
+    if (HAS_UNKNOWN_SPACE) unseen += weight * (1.0 - min(1.0, 2.0 * texture(trained, u).r));
     for (int j = 0; j < 16; ++j) mean[j] += weight * hidden[j];
     bool last = !inside || transmittance < least_transmittance;
     if (gathered >= least_weight || (last && gathered >= kMinWeight)) {

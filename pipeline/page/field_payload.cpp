@@ -85,7 +85,9 @@ std::vector<std::uint8_t> TrainedBytes(const nerf::TrainedCells& trained) {
   for (std::size_t z = 0; z < n; ++z)
     for (std::size_t y = 0; y < n; ++y)
       for (std::size_t x = 0; x < n; ++x)
-        cells.push_back(trained.Contains(centre(x), centre(y), centre(z)) ? 255 : 0);
+        cells.push_back(trained.Contains(centre(x), centre(y), centre(z)) ? 255
+                        : trained.IsNear(centre(x), centre(y), centre(z)) ? 128
+                                                                          : 0);
   return cells;
 }
 

@@ -6,8 +6,8 @@
 //             of the level's largest, so that small ones keep their digits
 //   march     a byte per occupancy cell: 0: occupied; d > 0: a ray may advance d - 1 cells, as in
 //             kernels/march_reference.h
-//   trained   a byte per cell of TrainedCells, 255 or 0: whether hashed levels count there, and whether any
-//             photograph showed it; what none did is veiled
+//   trained   a byte per cell of TrainedCells: 255 where hashed levels count, 128 near such cells, 0 where no
+//             photograph showed anything, which is veiled
 #pragma once
 
 #include <array>

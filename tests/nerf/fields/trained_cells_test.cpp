@@ -43,6 +43,9 @@ TEST(TrainedCells, CellsThatShareAFaceWithATrainedOneAreTrained) {
     EXPECT_TRUE(cells.Contains(x, 0.5f, 0.25f + side));
     EXPECT_FALSE(cells.Contains(x + side, 0.5f + side, 0.25f));
     EXPECT_FALSE(cells.Contains(x + 2 * side, 0.5f, 0.25f));
+    EXPECT_TRUE(cells.IsNear(x + 2 * side, 0.5f + side, 0.25f - side));
+    EXPECT_FALSE(cells.IsNear(x + 3 * side, 0.5f, 0.25f));
+    EXPECT_FALSE(cells.IsNear(x + 2 * side, 0.5f + 2 * side, 0.25f));
   }
   EXPECT_FALSE(cells.Contains(1 - 0.5f * kCell, 0.5f, 0.25f)) << "the cube does not close on itself";
 }

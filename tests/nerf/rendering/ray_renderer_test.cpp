@@ -88,7 +88,7 @@ TEST_F(RayRenderer, DepthsAloneAreThoseOfTheWholePicture) {
   EXPECT_GT(whole[0].rgb[0], 0.4f);
 }
 
-// Of training, samples reached the half with z < 0, and so far that a cell beside it counts as well.
+// Of training, samples reached the half with z < 0; the next cell is trained by that, the one behind it near.
 TEST_F(RayRenderer, LightFromWhereNothingWasLearntIsTold) {
   Fill();
   constexpr std::size_t kCells = TrainedCells::kResolution;
@@ -105,7 +105,7 @@ TEST_F(RayRenderer, LightFromWhereNothingWasLearntIsTold) {
   trained.Refresh();
   const RenderedRay ray = RenderAlong({{0, 0, -2}, {0, 0, 1}}, 0.1f);
   const double cell = 100.0 / kCells;
-  EXPECT_NEAR(ray.unlearnt, std::exp(-(2 + cell) * std::exp(-1.0)) - ray.transmittance, 0.005);
+  EXPECT_NEAR(ray.unlearnt, std::exp(-(2 + 2 * cell) * std::exp(-1.0)) - ray.transmittance, 0.005);
   EXPECT_EQ(RenderAlong({{0, 0, -2}, {0, 0, -1}}).unlearnt, 0);
 }
 
