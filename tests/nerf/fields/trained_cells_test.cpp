@@ -1,3 +1,4 @@
+// Cells that training samples touched, those beside them, and what a field shows elsewhere.
 #include "nerf/fields/trained_cells.h"
 
 #include <gtest/gtest.h>

@@ -99,14 +99,15 @@ TEST(SupportMap, QuickAnswerIsThatOfTheFullOne) {
 }
 
 TEST(Veil, CoversWhereMostLightIsOfWhatWasNotLearnt) {
-  nerf::RenderedView view{.width = 4, .height = 1};
-  view.rgb.assign(12, 0.5f);
-  view.unlearnt = {0, 0.5f, 0.7f, 0.95f};
+  nerf::RenderedView view{.width = 5, .height = 1};
+  view.rgb.assign(15, 0.5f);
+  view.unlearnt = {0, 0.5f, 0.7f, 0.95f, 0.6f};
   nerf::VeilUnlearnt({0.1f, 0.1f, 0.1f}, &view);
   EXPECT_EQ(view.rgb[0], 0.5f);
   EXPECT_EQ(view.rgb[3], 0.5f);
   EXPECT_NEAR(view.rgb[6], 0.3f, 1e-6);
   EXPECT_NEAR(view.rgb[9], 0.1f, 1e-6);
+  EXPECT_NEAR(view.rgb[12], 0.5 - 0.4 * 0.15625, 1e-6);  // a quarter of the way, by a smooth step
 }
 
 TEST(Veil, CoversHolesWithASoftEdgeAndLeavesSpecks) {
