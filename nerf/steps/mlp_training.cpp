@@ -156,7 +156,7 @@ TrainOptions ReportTrainOptions() {
                        .initialisation = Initialisation::kUniform,
                        .pixel_centres = false,
                        .quadrature = {.n_samples = 192, .open_end = true},
-                       .bf16 = true};
+                       .bf16 = PrefersBf16("cpu")};
   options.mlp = {
       .rays = 4096, .learning_rate_final = 1, .learning_rate_warm_up = 0, .white_background = true};
   return options;

@@ -10,7 +10,6 @@ void ApplyPreset(int argc, const char* const* argv, Options* options, TrainFlags
     flags->density = "relu";
     flags->initialisation = "uniform";
     flags->encoding_space = "scene";
-    flags->precision = "bf16";
     flags->positional_encoding = flags->identity = true;
   });
 }

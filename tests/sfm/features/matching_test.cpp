@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "io/base/memory.h"
 #include "sfm/features/stationary_matches.h"
 
 namespace {
@@ -80,6 +81,18 @@ TEST(Matching, BlocksOfPicturesAgreeWithPairsOnTheirOwn) {
     n_matches += pair.matches.size();
   }
   EXPECT_GT(n_matches, pairs.size() / 2);
+}
+
+// A thousand pictures have half a million pairs.
+TEST(Matching, APairKeepsItsMatchesAndNoOtherMemory) {
+  std::vector<sfm::Features> features(200);
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    for (int k = 0; k < 7; ++k) Append(&features[i], k, static_cast<double>(i % 3));
+  }
+  const std::size_t before = io::HeldMemoryBytes();
+  const auto matched = sfm::MatchFeatures(features, sfm::AllPairs(200), 2);
+  ASSERT_EQ(matched.size(), 19900u);
+  EXPECT_LT(io::HeldMemoryBytes() - before, std::size_t{40} << 20);
 }
 
 TEST(Matching, TheSecondMustBeAQuarterFarther) {
