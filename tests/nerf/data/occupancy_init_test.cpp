@@ -218,14 +218,15 @@ TEST(CarveByFrusta, BlocksDecideAsSingleCellsDo) {
   OccupancyGrid grid(64, contraction);
   CarveByFrusta(scene, LoadDataset(scene, 1), contraction, kNear, &workers, &grid);
   const auto all_pixels = [](float, float) { return true; };
+  std::vector<Projector> projectors;
+  for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
   int n_seen = 0, n_seen_through = 0;
   for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
     CellPoints points;
     CellPointsOf(grid, contraction, cell, &points);
     int seen = 0;
     bool seen_through = false;
-    for (const io::Frame& frame : scene.frames) {
-      const Projector projector(scene, frame);
+    for (const Projector& projector : projectors) {
       seen += projector.SeesAny(points, kNear, all_pixels);
       seen_through = seen_through || projector.SeesThrough(points, kNear, all_pixels);
     }
