@@ -84,7 +84,9 @@ Normal Compare(const TrainedField& field,
   double n = 0;
   for (int y = 1; y + 1 < level.camera.height; ++y) {
     for (int x = 1; x + 1 < level.camera.width; ++x) {
-      if (!level.mask.Uses(static_cast<std::size_t>(y * level.camera.width + x))) continue;
+      const auto pixel = static_cast<std::size_t>(y * level.camera.width + x);
+      // Rays beside a bounded field's space have no depth: background, at no place that moves.
+      if (!level.mask.Uses(pixel) || !(view.depth[pixel] > 0)) continue;
       AddPixel(level, view, x, y, &normal);
       n += 1;
     }

@@ -89,6 +89,28 @@ TEST_F(PoseFit, APlainPhotographMovesNothing) {
   EXPECT_EQ(fit.world_from_cam.translation, truth_.translation);
 }
 
+// Rays beside the space of a bounded field end where they begin: no place, and nothing that moves.
+class BoundedSphere : public tests::SphereField {
+ public:
+  RenderedView Render(const io::Camera& camera,
+                      const io::Rigid3d& world_from_cam,
+                      const RenderOptions& options) const override {
+    RenderedView view = SphereField::Render(camera, world_from_cam, options);
+    for (std::size_t i = 0; i < view.depth.size(); ++i)
+      if (view.opacity[i] == 0) view.depth[i] = 0;
+    return view;
+  }
+};
+
+TEST_F(PoseFit, PixelsBesideABoundedFieldDoNotCount) {
+  const FittedPose still = FitPose(BoundedSphere(), camera_, truth_, photo_, {}, 1);
+  EXPECT_LT(still.moved_px, 0.2);
+  const io::Rigid3d wrong = MovedPose(truth_, motion_);
+  const FittedPose fit = FitPose(BoundedSphere(), camera_, wrong, photo_, {}, 1);
+  EXPECT_LT(PixelsBetween(fit.world_from_cam, truth_), 0.15);
+  EXPECT_NEAR(fit.moved_px, PixelsBetween(wrong, truth_), 1);
+}
+
 TEST_F(PoseFit, AnotherSizeIsAnError) {
   photo_ = io::ResizeArea(photo_, 319, 240);
   EXPECT_ERROR(Fit(truth_), io::ExitCode::kBadInput, "size");
