@@ -37,10 +37,10 @@ nerf::RenderOptions OptionsOf(const FrameRequest& request, const io::Scene& scen
   options.splats = request.layer == ViewLayer::kColour;
   if (request.quality != ViewQuality::kFinest) {
     options.step_scale = 1;
+    options.samples_per_pixel = 1;
     options.field_focal_px = nerf::LongestFocalLength(scene);
   }
   if (request.quality == ViewQuality::kFast) {
-    options.samples_per_pixel = 1;
     options.field_focal_px = kMovingFieldShare * std::min(options.field_focal_px, request.camera.fl_x);
   }
   if (request.crop) {
