@@ -4,7 +4,8 @@ const overlay = byId('overlay');
 const viewer = Math.random().toString(36).slice(2);
 
 let state = null;
-let sequence = 0, shown = null, shownVersion = -1, area = 40000;
+let sequence = 0, shown = null, shownVersion = -1;
+let area = 10000;  // pixels that a frame may have while the view moves: few at first, for a young field is slow
 let level = 2, dirty = false, refreshing = false, restAbort = null, movedAt = 0;
 let photo = null, keys = [], path = null, pathSaved = false;
 
@@ -24,7 +25,7 @@ function sizeFor(level) {
   const fit = Math.min(1, 1920 / Math.max(...full), Math.sqrt(8e6 / (full[0] * full[1])));
   let scale = fit;
   // A training keeps most of the machine to itself: small pictures often rather than large ones late.
-  if (level > 0 && state?.training) scale = Math.min(scale, Math.sqrt(1e5 / (full[0] * full[1])));
+  if (level > 0 && state?.training) scale = Math.min(scale, Math.sqrt(Math.min(1e5, 10 * area) / (full[0] * full[1])));
   if (level === 0) scale = Math.min(scale, Math.sqrt(area / (full[0] * full[1])));
   return full.map((side) => Math.max(8, Math.round(side * scale)));
 }
@@ -43,7 +44,7 @@ async function fetchFrame(quality) {
     shown = await createImageBitmap(await answer.blob());
     shownVersion = Number(answer.headers.get('X-Version'));
     const took = performance.now() - began;
-    if (quality === 0) area = Math.min(2e6, Math.max(4000, area * Math.min(1.5, Math.max(0.5, budget() / took))));
+    if (quality === 0) area = Math.min(2e6, Math.max(4000, area * Math.min(1.5, Math.max(0.2, budget() / took))));
     byId('status').textContent = `${width}x${height}, ${took.toFixed(0)} ms`;
     draw();
     return true;
