@@ -28,8 +28,8 @@ constexpr double kTargetMonitorGrowth = 1.1;  // (where they decide when to stop
 constexpr double kFirstMonitorS = 1.0;        // ... from one second of training on
 constexpr double kMonitorShare = 0.2;         // and take at most this share of the training time
 constexpr double kProgressEveryS = 0.5;
-constexpr double kWatchedShare = 0.05;  // of the training time that a watcher's checkpoints take at most
-constexpr double kWatchedEveryS = 4;    // and not more often, since reading them costs as well
+constexpr double kWatchedShare = 0.025;  // of the training time that a watcher's checkpoints take at most
+constexpr double kWatchedEveryS = 4;     // and not more often, since reading them costs as well
 
 // Shorter trainings are the field's alone: splats have no time to become as good (nerf/EXPERIMENTS.md).
 constexpr double kShortestWithSplatsS = 12;
