@@ -160,8 +160,8 @@ bool FrameMaker::InTurn(const FrameRequest& request,
   const double begin_s = Now_s(), cpu_begin_s = io::ProcessCpuSeconds();
   part();
   if (content.is_training) {
-    // A step waits for the last of its threads, so beside a frame training hardly moves: as long as the frame
-    // takes, which then is longer than its processor time on all cores.
+    // A training step waits for the slowest of its threads, so training nearly stands still while a frame is
+    // rendered beside it. The frame is charged all of that time, not its own share of the processor.
     const double held_s = std::max(Now_s() - begin_s, (io::ProcessCpuSeconds() - cpu_begin_s) / threads_);
     not_before_s_ = begin_s + held_s / (kFramesShare * training_share_);
   }
