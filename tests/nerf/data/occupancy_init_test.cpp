@@ -221,7 +221,7 @@ TEST(CarveByFrusta, BlocksDecideAsSingleCellsDo) {
   std::vector<Projector> projectors;
   for (const io::Frame& frame : scene.frames) projectors.emplace_back(scene, frame);
   int n_seen = 0, n_seen_through = 0;
-  for (std::uint32_t cell = 0; cell < grid.n_cells(); cell += 3) {  // a third of every block
+  for (std::uint32_t cell = 0; cell < grid.n_cells(); ++cell) {
     CellPoints points;
     CellPointsOf(grid, contraction, cell, &points);
     int seen = 0;
@@ -234,9 +234,9 @@ TEST(CarveByFrusta, BlocksDecideAsSingleCellsDo) {
     n_seen += seen >= 2;
     n_seen_through += seen >= 2 && seen_through;
   }
-  EXPECT_GT(n_seen, 7000);  // neither all nor nothing
-  EXPECT_LT(n_seen, 70000);
-  EXPECT_GT(n_seen_through, 30);
+  EXPECT_GT(n_seen, 20000);  // neither all nor nothing
+  EXPECT_LT(n_seen, 200000);
+  EXPECT_GT(n_seen_through, 100);
 }
 
 }  // namespace
