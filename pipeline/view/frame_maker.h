@@ -38,7 +38,7 @@ struct ViewFrame {
 
 class FrameMaker {
  public:
-  // training_share: of the machine's processor time that frames take while training goes on.
+  // training_share: of a training's time, what it gives up for frames and the checkpoints that they show.
   FrameMaker(int threads, double training_share) : threads_(threads), training_share_(training_share) {}
 
   // Nothing when a later request of the same page has come, or there is nothing to show. Called from several
