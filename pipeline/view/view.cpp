@@ -36,7 +36,7 @@ void AddViewOptions(Options* options, ViewOptions* view) {
                {.min = 0, .max = 65535, .affects_result = false});
   options->Add("training-share",
                &view->training_share,
-               "share of its time that a training gives up, at most, while somebody looks",
+               "roughly the share of its time that a training gives up while somebody looks",
                {.max = 1, .above = 0, .affects_result = false});
   options->Add("threads",
                &view->common.threads,
