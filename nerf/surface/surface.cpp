@@ -9,6 +9,7 @@
 #include "nerf/surface/depth_fusion.h"
 #include "nerf/surface/isosurface.h"
 #include "nerf/surface/mesh_repair.h"
+#include "nerf/surface/point_fit.h"
 #include "nerf/surface/seen_vertices.h"
 
 namespace nerf {
@@ -77,9 +78,10 @@ Surface ExtractSurface(const TrainedField& field, const io::Scene& train, const 
   surface.box = options.box ? *options.box : CaptureBox(train);
   CheckOptions(surface.box, options);
   const Vector3d centre = 0.5 * (surface.box.min + surface.box.max);
-  surface.voxel = options.voxel > 0 ? options.voxel
-                                    : std::max(PixelFootprint(train, centre),
-                                               kFinestShare * (surface.box.max - surface.box.min).maxCoeff());
+  const double footprint = PixelFootprint(train, centre);
+  surface.voxel = options.voxel > 0
+                      ? options.voxel
+                      : std::max(footprint, kFinestShare * (surface.box.max - surface.box.min).maxCoeff());
   const auto report = [&](const char* what) {
     return [&options, what](double share) {
       if (options.progress) options.progress(what, share);
@@ -112,28 +114,39 @@ Surface ExtractSurface(const TrainedField& field, const io::Scene& train, const 
                     fmt::format("no surface in the box is seen by {} training views", options.least_views),
                     "Give a box around the subject, or train longer");
   }
+  const PointFit fit = FitToPoints(train.points, footprint, &workers, &surface.mesh);
+  surface.fitted_points = fit.points;
+  surface.point_offset_px = fit.median_offset / footprint;
   surface.area = Area(surface.mesh);
   report("mesh")(1);
   return surface;
 }
 
 std::vector<std::string> Surface::Decisions() const {
-  return {fmt::format("box: [{:.2f}, {:.2f}] x [{:.2f}, {:.2f}] x [{:.2f}, {:.2f}]",
-                      box.min.x(),
-                      box.max.x(),
-                      box.min.y(),
-                      box.max.y(),
-                      box.min.z(),
-                      box.max.z()),
-          fmt::format("cells of {:.4g} scene units, {} blocks of 8^3", voxel, blocks),
-          fmt::format("{} triangles of the zero set, less {} that too few views see and {} small pieces",
-                      extracted_triangles,
-                      unseen_triangles,
-                      pieces),
-          fmt::format("{} triangles and {} vertices, {} less than before decimation",
-                      mesh.triangles.size(),
-                      mesh.positions.size(),
-                      decimated_triangles)};
+  std::vector<std::string> lines = {
+      fmt::format("box: [{:.2f}, {:.2f}] x [{:.2f}, {:.2f}] x [{:.2f}, {:.2f}]",
+                  box.min.x(),
+                  box.max.x(),
+                  box.min.y(),
+                  box.max.y(),
+                  box.min.z(),
+                  box.max.z()),
+      fmt::format("cells of {:.4g} scene units, {} blocks of 8^3", voxel, blocks),
+      fmt::format("{} triangles of the zero set, less {} that too few views see and {} small pieces",
+                  extracted_triangles,
+                  unseen_triangles,
+                  pieces),
+      fmt::format("{} triangles and {} vertices, {} less than before decimation",
+                  mesh.triangles.size(),
+                  mesh.positions.size(),
+                  decimated_triangles)};
+  if (fitted_points > 0) {
+    lines.push_back(
+        fmt::format("{:.2f} pixels before the {} sparse points near it (median), and moved to them",
+                    -point_offset_px,
+                    fitted_points));
+  }
+  return lines;
 }
 
 }  // namespace nerf

@@ -1,8 +1,9 @@
 // The surface of a trained field as a triangle mesh with colours and normals.
 //
 // Depth is rendered at every training view and fused into a signed distance (depth_fusion.h), whose zero set
-// (isosurface.h) loses what fewer than two views see and what is small and alone (mesh_repair.h). Density
-// itself has no level at which its surface is clean: nerf/EXPERIMENTS.md has the figures of both.
+// (isosurface.h) loses what fewer than two views see and what is small and alone (mesh_repair.h), and is
+// moved to the sparse points near it (point_fit.h). Density itself has no level at which its surface is
+// clean: nerf/EXPERIMENTS.md has the figures of both.
 #pragma once
 
 #include <functional>
@@ -40,6 +41,8 @@ struct Surface {
   std::size_t unseen_triangles = 0;            // that too few views see
   int pieces = 0;                              // dropped
   std::size_t decimated_triangles = 0;         // dropped by decimation
+  std::size_t fitted_points = 0;               // sparse points that the mesh was moved to (point_fit.h)
+  double point_offset_px = 0;                  // how far before it they lay, pixels' footprints; median
   std::vector<std::string> Decisions() const;  // one line each
 };
 

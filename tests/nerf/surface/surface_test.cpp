@@ -64,6 +64,20 @@ TEST(ExtractSurface, FindsTheSphereWithItsNormalsAndColours) {
   EXPECT_GT(n_right, 0.95 * n_certain);
 }
 
+TEST(ExtractSurface, GoesToTheSparsePointsNearIt) {
+  io::Scene scene = TwoRings();
+  const double radius = 1 + nerf::ExtractSurface(tests::SphereField(), scene, {.threads = 2}).voxel;
+  for (int i = 0; i < 2000; ++i) {  // evenly over the sphere
+    const double z = (2 * i + 1) / 2000.0 - 1, angle = kPi * (3 - std::sqrt(5)) * i, r = std::sqrt(1 - z * z);
+    scene.points.push_back({.xyz = radius * Vector3d(r * std::cos(angle), r * std::sin(angle), z)});
+  }
+  const nerf::Surface surface = nerf::ExtractSurface(tests::SphereField(), scene, {.threads = 2});
+  EXPECT_GT(surface.fitted_points, 1500u);
+  EXPECT_GT(surface.point_offset_px, 0.5);
+  EXPECT_EQ(surface.Decisions().size(), 5u);
+  EXPECT_NEAR(surface.area, 4 * kPi * radius * radius, 0.01 * 4 * kPi);
+}
+
 TEST(ExtractSurface, EndsWhereFewerViewsSawTheSphereThanAskedFor) {
   io::Scene scene = TwoRings();
   std::erase_if(scene.frames,
