@@ -31,4 +31,8 @@ int AvailableCores();
 // once a turn has thrown; the caller then gets Interrupted or the first exception.
 void ParallelFor(std::size_t n, int threads, const std::function<void(std::size_t)>& work);
 
+// From now on this thread, and those that it starts, get the processor when others of this session leave some
+// of it: a tenth of what each of these gets. There is no way back without privileges.
+void GiveWay();
+
 }  // namespace io

@@ -202,6 +202,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
   if (const auto& background = scene_field->background)
     header["background"] = {{"r", (*background)[0]}, {"g", (*background)[1]}, {"b", (*background)[2]}};
   header["pixel_rays"] = scene_field->samples_per_pixel;
+  if (scene_field->step_scale != 1) header["step_scale"] = scene_field->step_scale;
   header["grid_resolution"] = scene_field->grid.resolution();
   header["state"] = {{"seed", state.seed},
                      {"step", state.step},
@@ -279,6 +280,7 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   if (!IsSamplesPerPixel(samples_per_pixel))
     Reject(path, "header value of pixel_rays is not a square number");
   scene_field->samples_per_pixel = samples_per_pixel;
+  if (header.contains("step_scale")) scene_field->step_scale = Get(path, header, "step_scale", 1e-3f, 1e3f);
   if (const auto it = header.find("background"); it != header.end()) {
     scene_field->background = {
         Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};

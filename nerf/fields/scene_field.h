@@ -43,6 +43,9 @@ struct SceneField {
   OccupancyGrid grid;
   // A pixel is the mean of so many rays, a square number, one through each cell of a square lattice on it.
   int samples_per_pixel = 1;
+  // Sampling intervals of the last training step, in those of sampler_options: longer at first, and finer
+  // ones show nothing more. 1 when the field is trained.
+  float step_scale = 1;
   // Of opaque pictures that share one (plain_background.h), sRGB in [0, 1].
   std::optional<std::array<float, 3>> background;
   // Fitted to photographs, and mixed into pictures (rendering/splat_mixing.h); may be none.

@@ -85,7 +85,9 @@ class CheckpointTrainedField : public TrainedField {
     RenderedView view{.width = camera.width, .height = camera.height, .rgb = {}, .depth = {}, .opacity = {}};
     const int samples_per_pixel =
         options.samples_per_pixel > 0 ? options.samples_per_pixel : scene_field_->samples_per_pixel;
-    const float step_scale = options.step_scale > 0 ? options.step_scale : FinestStepScale(samples_per_pixel);
+    const float step_scale =
+        scene_field_->step_scale *
+        (options.step_scale > 0 ? options.step_scale : FinestStepScale(samples_per_pixel));
     const std::array<float, 3> background =
         options.limits.crop ? options.background : Background(options.background);
     const std::size_t n = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);

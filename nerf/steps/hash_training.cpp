@@ -141,6 +141,7 @@ template <typename Real>
 StepOutcome HashTraining<Real>::Step(double progress, TrainState* state) {
   const BatchPlan plan = Plan(progress, *state);
   scene_field_->samples_per_pixel = plan.samples_per_pixel;
+  scene_field_->step_scale = plan.step_scale;
   RunShards(plan);
   const double n_pixels = static_cast<double>(plan.n_rays) / plan.samples_per_pixel;
   StepOutcome outcome{.n_rays = static_cast<std::uint64_t>(plan.n_rays)};

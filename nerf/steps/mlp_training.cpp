@@ -68,6 +68,7 @@ StepOutcome MlpTraining::Step(double progress, TrainState* state) {
   plan.n_rays = IsPruned() ? std::min(state->n_rays, options_.mlp.rays) : options_.mlp.rays;
   const double share = std::min(1.0, progress / options_.mlp.step_scale_share);
   plan.step_scale = static_cast<float>(std::pow(options_.mlp.first_step_scale, 1.0 - share));
+  scene_field_->step_scale = plan.step_scale;
   plan.early_stop_depth = kEarlyStopDepth;
   if (options_.mlp.white_background) plan.background = {1, 1, 1};
   const Sampler sampler(scene_field_->sampler_options, scene_field_->contraction, scene_field_->grid);

@@ -231,6 +231,7 @@ void Trainer::TrainField() {
     field_->Step(progress);
     AfterStep();
   }
+  field_->scene_field()->step_scale = 1;
   state_.field_s = clock_.Elapsed() - part_begin_s_;
   field_run_s_ += state_.field_s - begin_s;
 }

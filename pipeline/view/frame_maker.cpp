@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <future>
 #include <limits>
 #include <thread>
 
 #include "io/image/colour_map.h"
 #include "io/image/image.h"
 #include "io/process/interrupt.h"
+#include "io/process/parallel.h"
 #include "io/process/resource_meter.h"
 #include "io/process/stopwatch.h"
 #include "nerf/data/capture_geometry.h"
@@ -31,6 +33,14 @@ constexpr double kMovingFieldShare = 0.35;
 // rest.
 constexpr double kFramesShare = 0.75;
 constexpr auto kTurnStep = std::chrono::milliseconds(5);
+
+// On threads that give way to the others.
+void RunBeside(const std::function<void()>& part) {
+  std::async(std::launch::async, [&] {
+    io::GiveWay();
+    part();
+  }).get();
+}
 
 double Now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
@@ -158,8 +168,10 @@ bool FrameMaker::InTurn(const FrameRequest& request,
   while (IsWanted(request) && Now_s() < not_before_s_) std::this_thread::sleep_for(kTurnStep);
   if (!IsWanted(request)) return false;
   const double begin_s = Now_s(), cpu_begin_s = io::ProcessCpuSeconds();
-  part();
-  if (content.is_training) {
+  if (!content.is_training) {
+    part();
+  } else {
+    RunBeside(part);
     // A training step waits for the slowest of its threads, so training nearly stands still while a frame is
     // rendered beside it. The frame is charged all of that time, not its own share of the processor.
     const double held_s = std::max(Now_s() - begin_s, (io::ProcessCpuSeconds() - cpu_begin_s) / threads_);

@@ -4,6 +4,7 @@
 
 #include "io/base/error.h"
 #include "io/process/interrupt.h"
+#include "io/process/parallel.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/training_watch.h"
@@ -56,6 +57,7 @@ void LiveRun::Publish(Content content) {
 }
 
 void LiveRun::Follow() {
+  io::GiveWay();
   while (!stop_) {
     try {
       std::this_thread::sleep_for(kLookEvery);

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 // Of the time between two pictures while a hand moves, without and with a training beside them.
-constexpr double kFrameBudget_ms = 80, kTrainingFrameBudget_ms = 180;
+constexpr double kFrameBudget_ms = 80, kTrainingFrameBudget_ms = 160;
 constexpr std::size_t kMaxViewerName = 64;
 
 double ParseNumber(const std::string& name, std::string_view text, double min, double max) {

@@ -2,8 +2,12 @@
 #include "io/process/parallel.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <stdexcept>
+#include <thread>
 
 namespace {
 
@@ -26,6 +30,20 @@ TEST(ParallelFor, StopsAtTheFirstException) {
   EXPECT_EQ(turns, 6u);
   EXPECT_THROW(io::ParallelFor(100, 3, [](std::size_t) { throw std::runtime_error("all"); }),
                std::runtime_error);
+}
+
+TEST(GiveWay, IsOfTheThreadAndThoseThatItStarts) {
+  const auto nice = [] { return getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())); };
+  const int before = nice();
+  std::vector<int> after(2, before);
+  std::thread([&] {
+    io::GiveWay();
+    after[0] = nice();
+    std::thread([&] { after[1] = nice(); }).join();
+  }).join();
+  EXPECT_EQ(after[0], std::min(before + 10, 19));
+  EXPECT_EQ(after[1], after[0]);
+  EXPECT_EQ(nice(), before);
 }
 
 }  // namespace

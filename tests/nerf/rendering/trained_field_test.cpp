@@ -13,13 +13,14 @@
 namespace nerf {
 namespace {
 
-std::unique_ptr<TrainedField> SomeField(const Splats& splats) {
+std::unique_ptr<TrainedField> SomeField(const Splats& splats, float step_scale = 1) {
   SceneField scene_field = tests::SmallField();
   for (std::uint32_t cell = 0; cell < scene_field.grid.n_cells(); ++cell) scene_field.grid.SetCandidate(cell);
   scene_field.grid.Rebuild();
   scene_field.background = {0.9f, 0.1f, 0.4f};  // so that the fog in the cube has an edge
   scene_field.splats = splats;
   scene_field.splat_focal_px = 60;
+  scene_field.step_scale = step_scale;
   const TempDir dir;
   WriteCheckpoint(dir / "checkpoint.bin", &scene_field, {});
   return TrainedField::Load(dir / "checkpoint.bin");
@@ -78,6 +79,16 @@ TEST(TrainedField, InACropBoxSplatsAreShownThatLieInIt) {
   };
   EXPECT_EQ(picture(all), picture(inside));
   EXPECT_NE(picture(all), picture({}));
+}
+
+TEST(TrainedField, WhileTrainingGoesOnItsIntervalsAreThoseOfPictures) {
+  const SplatView view = tests::SomeView(40, 30);
+  const auto rendered = [&](float of_field, float of_options) {
+    return SomeField({}, of_field)->Render(view.camera, view.world_from_cam, {.step_scale = of_options}).rgb;
+  };
+  EXPECT_EQ(rendered(3, 1), rendered(1, 3));
+  EXPECT_EQ(rendered(3, 0), rendered(1, 3 * FinestStepScale(1)));
+  EXPECT_NE(rendered(3, 1), rendered(1, 1));
 }
 
 TEST(TrainedField, DepthAloneIsThatOfTheWholePicture) {

@@ -48,10 +48,15 @@ TEST(Trainer, AWatcherGetsNewsAndCheckpointsAndMayEndIt) {
   options.time_s = 600;
   std::vector<TrainingNews> news;
   bool had_checkpoint = false;
-  std::size_t asked = 0;  // how many news had come when the end was asked for
+  float first_step_scale = 0;  // of the first checkpoint
+  std::size_t asked = 0;       // how many news had come when the end was asked for
   options.watcher = [&](const TrainingNews& told) -> WatcherWish {
     news.push_back(told);
-    had_checkpoint |= std::filesystem::exists(dir.path() / "checkpoint.bin");
+    if (!had_checkpoint && std::filesystem::exists(dir.path() / "checkpoint.bin")) {
+      had_checkpoint = true;
+      TrainState state;
+      first_step_scale = ReadCheckpoint(dir.path() / "checkpoint.bin", &state)->step_scale;
+    }
     if (had_checkpoint && asked == 0 && news.size() > 2) asked = news.size();
     return {.wants_checkpoint = true, .wants_end = asked > 0};
   };
@@ -68,8 +73,9 @@ TEST(Trainer, AWatcherGetsNewsAndCheckpointsAndMayEndIt) {
   EXPECT_LT(report.train_s, 1.3 * last.elapsed_s + 5);
   EXPECT_GT(news.back().progress, 0.5);
   TrainState state;
-  ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
+  EXPECT_EQ(ReadCheckpoint(dir.path() / "checkpoint.bin", &state)->step_scale, 1);
   EXPECT_EQ(state.step, report.steps);
+  EXPECT_GT(first_step_scale, 1.5);  // training begins with longer intervals
 }
 
 // With alpha, and on paper of one colour, which must not become a thing in space.

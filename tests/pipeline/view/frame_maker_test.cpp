@@ -2,6 +2,8 @@
 #include "pipeline/view/frame_maker.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <thread>
 
@@ -39,6 +41,18 @@ class SlowField : public tests::SphereField {
     return SphereField::Render(camera, pose, options);
   }
   mutable std::atomic<bool> rendering = false, may_go_on = false;
+};
+
+// A field that notes the nice value it is rendered with.
+class NiceField : public tests::SphereField {
+ public:
+  nerf::RenderedView Render(const io::Camera& camera,
+                            const io::Rigid3d& pose,
+                            const nerf::RenderOptions& options) const override {
+    nice = getpriority(PRIO_PROCESS, static_cast<id_t>(gettid()));
+    return SphereField::Render(camera, pose, options);
+  }
+  mutable std::atomic<int> nice = 0;
 };
 
 // A field with splats, as it were: drawn at half the size and magnified, then tinted.
@@ -123,6 +137,18 @@ TEST(FrameMaker, MovingPicturesAreSampledCoarsely) {
   maker.Make(request, content);
   EXPECT_EQ(field.last_options.step_scale, 1);
   EXPECT_EQ(field.last_options.samples_per_pixel, 1);
+}
+
+TEST(FrameMaker, PicturesGiveWayToATraining) {
+  LiveRun::Content content = SphereContent();
+  const auto field = std::make_shared<NiceField>();
+  content.field = field;
+  FrameMaker maker(1, 0.2);
+  ASSERT_TRUE(maker.Make(RequestOf(content, 20, 10), content));
+  const int alone = field->nice;
+  content.is_training = true;
+  ASSERT_TRUE(maker.Make(RequestOf(content, 20, 10), content));
+  EXPECT_EQ(field->nice, std::min(alone + 10, 19));
 }
 
 TEST(FrameMaker, ALaterRequestReplacesAnEarlierOneOfTheSamePageOnly) {
