@@ -29,9 +29,9 @@ constexpr int kBandPixels = 1 << 14;
 // if these are smaller, of the training pictures: about half of the time goes to field and splats each, and
 // nothing is seen of it (43 dB against the whole field, nerf/EXPERIMENTS.md).
 constexpr double kMovingFieldShare = 0.35;
-// Of what training gives up, frames get so much; writing checkpoints for them and reading them takes the
-// rest.
-constexpr double kFramesShare = 0.75;
+// Of what training gives up, the processor time of frames is so much. The rest goes to checkpoints for them,
+// written and read, and to threads of a training step that wait for one which a frame holds up.
+constexpr double kFramesShare = 0.5;
 constexpr auto kTurnStep = std::chrono::milliseconds(5);
 
 // On threads that give way to the others.
@@ -172,9 +172,7 @@ bool FrameMaker::InTurn(const FrameRequest& request,
     part();
   } else {
     RunBeside(part);
-    // A training step waits for the slowest of its threads, so training nearly stands still while a frame is
-    // rendered beside it. The frame is charged all of that time, not its own share of the processor.
-    const double held_s = std::max(Now_s() - begin_s, (io::ProcessCpuSeconds() - cpu_begin_s) / threads_);
+    const double held_s = (io::ProcessCpuSeconds() - cpu_begin_s) / threads_;
     not_before_s_ = begin_s + held_s / (kFramesShare * training_share_);
   }
   return true;

@@ -5,7 +5,7 @@ const viewer = Math.random().toString(36).slice(2);
 
 let state = null;
 let sequence = 0, shown = null, shownVersion = -1;
-let area = 10000;  // pixels that a frame may have while the view moves: few at first, for a young field is slow
+let area = 2500;  // pixels that a frame may have while the view moves: few at first, for a young field is slow
 let level = 2, dirty = false, refreshing = false, restAbort = null, movedAt = 0;
 let photo = null, keys = [], path = null, pathSaved = false;
 
@@ -44,7 +44,7 @@ async function fetchFrame(quality) {
     shown = await createImageBitmap(await answer.blob());
     shownVersion = Number(answer.headers.get('X-Version'));
     const took = performance.now() - began;
-    if (quality === 0) area = Math.min(2e6, Math.max(4000, area * Math.min(1.5, Math.max(0.2, budget() / took))));
+    if (quality === 0) area = Math.min(2e6, Math.max(1600, area * Math.min(1.5, Math.max(0.2, budget() / took))));
     byId('status').textContent = `${width}x${height}, ${took.toFixed(0)} ms`;
     draw();
     return true;
