@@ -98,14 +98,15 @@ std::string ReadFile(const std::filesystem::path& path, std::size_t max_bytes) {
   if (!std::filesystem::is_regular_file(path, error)) {
     throw Error(ExitCode::kBadInput, path.string() + ": no such file");
   }
-  const std::uintmax_t size = std::filesystem::file_size(path, error);
-  if (error || size > max_bytes) {
+  errno = 0;
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  // Of the file that is open: another one may take its name meanwhile.
+  const std::streamoff size = in.tellg();
+  if (size >= 0 && static_cast<std::uintmax_t>(size) > max_bytes) {
     throw Error(ExitCode::kBadInput, fmt::format("{}: larger than {} bytes", path.string(), max_bytes));
   }
-  errno = 0;
-  std::ifstream in(path, std::ios::binary);
-  std::string bytes(size, '\0');
-  if (!in.read(bytes.data(), static_cast<std::streamsize>(size))) {
+  std::string bytes(size < 0 ? 0 : static_cast<std::size_t>(size), '\0');
+  if (size < 0 || !in.seekg(0).read(bytes.data(), size)) {
     ThrowIfMemoryWasRefused();
     throw Error(ExitCode::kBadInput, path.string() + ": cannot be read");
   }

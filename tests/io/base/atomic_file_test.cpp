@@ -7,6 +7,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <thread>
+
 #include "io/base/error.h"
 #include "io/base/hash.h"
 #include "io/base/owned_folder.h"
@@ -116,6 +119,34 @@ TEST(AtomicFile, ReadFileRefusesWhatItShould) {
   EXPECT_ERROR(io::ReadFile(dir / "f", 4), io::ExitCode::kBadInput, "4 bytes");
   EXPECT_ERROR(io::ReadFile(dir / "none"), io::ExitCode::kBadInput, "none", "no such file");
   EXPECT_ERROR(io::ReadFile(dir.path()), io::ExitCode::kBadInput, dir.path().string(), "no such file");
+}
+
+// One writer puts a long file and a short one under the name in turn, as fast as it can.
+TEST(AtomicFile, AReaderGetsOneFileWholeWhileOthersTakeItsName) {
+  const TempDir dir;
+  const std::string contents[2] = {std::string(3000, 'l'), std::string(10, 's')};
+  for (int i = 0; i < 2; ++i) io::WriteFileAtomically(dir / std::to_string(i), contents[i]);
+  fs::create_hard_link(dir / "0", dir / "file");
+  std::atomic<bool> stop = false;
+  std::thread writer([&] {
+    for (int i = 1; !stop; i = 1 - i) {
+      fs::create_hard_link(dir / std::to_string(i), dir / "next");
+      fs::rename(dir / "next", dir / "file");
+    }
+  });
+  int n_whole = 0;
+  constexpr int kReads = 5000;
+  try {
+    for (int i = 0; i < kReads; ++i) {
+      const std::string read = io::ReadFile(dir / "file");
+      n_whole += read == contents[0] || read == contents[1];
+    }
+  } catch (const io::Error& error) {
+    ADD_FAILURE() << error.what();
+  }
+  stop = true;
+  writer.join();
+  EXPECT_EQ(n_whole, kReads);
 }
 
 TEST(Hash, StreamedAndWholeAgreeAndSeeEveryByte) {
