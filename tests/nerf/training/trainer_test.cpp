@@ -248,6 +248,10 @@ TEST(Checkpoint, EveryDamageIsRejectedByName) {
   scene_field->samples_per_pixel = 2;
   WriteCheckpoint(dir.path() / "two_rays.bin", scene_field.get(), state);
   EXPECT_NE(verdict(io::ReadFile(dir.path() / "two_rays.bin")).find("pixel_rays"), std::string::npos);
+  scene_field->samples_per_pixel = 1;
+  scene_field->step_scale = 0;
+  WriteCheckpoint(dir.path() / "no_step.bin", scene_field.get(), state);
+  EXPECT_NE(verdict(io::ReadFile(dir.path() / "no_step.bin")).find("step_scale"), std::string::npos);
 }
 
 }  // namespace
