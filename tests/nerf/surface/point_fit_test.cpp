@@ -1,8 +1,9 @@
+// A plane that lies off its points: what moves, by how much, and what stays.
 #include "nerf/surface/point_fit.h"
 
 #include <gtest/gtest.h>
 
-#include <cmath>
+#include <algorithm>
 
 namespace {
 
@@ -73,7 +74,7 @@ TEST_F(FitToPoints, LeavesWhatIsFarFromEveryPoint) {
   }
 }
 
-TEST_F(FitToPoints, OfOneOtherSurfaceIsNoMeasure) {
+TEST_F(FitToPoints, PointsOfAnotherSurfaceHaveNoSay) {
   const io::Mesh before = Plane(0, true);
   io::Mesh mesh = before;
   const nerf::PointFit fit =
