@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "io/base/atomic_file.h"
@@ -75,7 +76,7 @@ std::string PictureElement(const std::filesystem::path& path, const std::string&
   const io::Image picture = io::ReadImage(path);
   const int width = std::min(picture.width, kMaxPictureWidth);
   const double height = static_cast<double>(picture.height) * width / picture.width;
-  const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(height + 0.5)));
+  const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(std::lround(height))));
   const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
   return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
          io::Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";

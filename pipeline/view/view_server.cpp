@@ -134,7 +134,7 @@ void ViewServer::Serving::Route() {
     return Admits(request, &response) ? httplib::Server::HandlerResponse::Unhandled
                                       : httplib::Server::HandlerResponse::Handled;
   });
-  server.set_exception_handler([](const Request&, Response& response, std::exception_ptr thrown) {
+  server.set_exception_handler([](const Request&, Response& response, const std::exception_ptr& thrown) {
     try {
       std::rethrow_exception(thrown);
     } catch (const io::Interrupted&) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <numbers>
 
 #include "io/scene/scene.h"
@@ -21,8 +22,11 @@ class SphereField : public nerf::TrainedField {
   nerf::RenderedView Render(const io::Camera& camera,
                             const io::Rigid3d& world_from_cam,
                             const nerf::RenderOptions& options) const override {
-    ++n_renders;
-    last_options = options;
+    {
+      const std::lock_guard lock(mutex_);
+      ++n_renders;
+      last_options = options;
+    }
     nerf::RenderedView view;
     view.width = camera.width;
     view.height = camera.height;
@@ -63,6 +67,7 @@ class SphereField : public nerf::TrainedField {
 
  private:
   float shade_;
+  mutable std::mutex mutex_;  // of what is counted
 };
 
 // Cameras of width x height pixels on a ring of radius 4 around the z axis; the i-th is named names(i).

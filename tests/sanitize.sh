@@ -1,0 +1,11 @@
+#!/bin/bash
+# Builds preset fuzz with clang and runs it: the fuzz targets for a minute each, and the tests of what works on raw memory
+# under AddressSanitizer and UBSan.
+set -euo pipefail
+root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+cd "$root"
+source samples/install.sh
+install_packages "$root" tests/packages.txt
+cmake --preset fuzz
+cmake --build --preset fuzz
+ctest --preset fuzz -j2
