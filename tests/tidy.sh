@@ -5,5 +5,7 @@
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$root"
+source samples/install.sh
+install_packages "$root" tests/packages.txt
 cmake --preset tidy > /dev/null
 run-clang-tidy-14 -quiet -p build/tidy -j "$(nproc)" '^(?!.*torch)(?!.*/precompiled\.cpp)' 2> /dev/null
