@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "sfm/colmap/colmap.h"
+#include "sfm/features/shared_features.h"
 #include "sfm/session.h"
 
 namespace sfm {
@@ -44,6 +46,14 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
   }
   session.ResolveContradictions();
   return session.Finish();
+}
+
+void AddReconstructionWorks(const fs::path& images_folder,
+                            const fs::path& work_folder,
+                            const ReconstructionOptions& options,
+                            io::ToldWorks* works) {
+  AddFeatureWorks(images_folder, options.masks_folder, options.threads, options.memory, works);
+  Colmap::AddWorks(work_folder, images_folder, options.threads, works);
 }
 
 Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,

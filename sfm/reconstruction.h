@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "io/process/shared_work.h"
 #include "io/scene/colmap_model.h"
 #include "sfm/bundle/bundle_uncertainty.h"
 #include "sfm/features/features.h"
@@ -71,7 +72,14 @@ Reconstruction Reconstruct(const std::vector<Picture>& pictures,
                            const ReconstructionOptions& options,
                            const std::function<void(const std::string&)>& decide);
 
-// The same from given matches on, without stronger settings; of `features` only the keypoints are used.
+// What the other ranks do for Reconstruct (io/process/shared_work.h), in the same folders: they take part in
+// detecting, matching, verifying and mapping in blocks.
+void AddReconstructionWorks(const std::filesystem::path& images_folder,
+                            const std::filesystem::path& work_folder,
+                            const ReconstructionOptions& options,
+                            io::ToldWorks* works);
+
+// Reconstruct from given matches on, without stronger settings; of `features` only the keypoints are used.
 Reconstruction ReconstructMatches(const std::vector<Picture>& pictures,
                                   const std::vector<Features>& features,
                                   const std::vector<PairMatches>& matches,

@@ -13,6 +13,7 @@
 #include "sfm/bundle/observation_sigma.h"
 #include "sfm/check_options.h"
 #include "sfm/choose_pairs.h"
+#include "sfm/features/shared_features.h"
 #include "sfm/features/stationary_matches.h"
 #include "sfm/gaps.h"
 #include "sfm/mapping/diagnosis.h"
@@ -70,7 +71,7 @@ void Session::Detect(int max_features) {
     SetFeatures(colmap.ExtractFeatures(images_folder_, views_->groups, views_->names, options));
     CountUse(colmap.cpu_s(), colmap.peak_rss_bytes());
   } else {
-    SetFeatures(DetectFeatures(images_folder_, views_->names, options_.masks_folder, options));
+    SetFeatures(DetectOnAllRanks(images_folder_, views_->names, options_.masks_folder, options));
   }
   result_.times.features_s += stopwatch.seconds();
 }
@@ -84,7 +85,7 @@ ImagePairs Session::ChoosePairs() {
 
 std::vector<PairMatches> Session::Match(const ImagePairs& pairs) {
   const io::Stopwatch stopwatch;
-  std::vector<PairMatches> matches = MatchFeatures(views_->features, pairs, options_.threads);
+  std::vector<PairMatches> matches = MatchOnAllRanks(views_->features, pairs, options_.threads);
   comparisons_ += Comparisons(views_->features, pairs);
   result_.times.matching_s += stopwatch.seconds();
   return matches;

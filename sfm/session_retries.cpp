@@ -5,6 +5,7 @@
 #include "io/process/progress.h"
 #include "io/process/stopwatch.h"
 #include "sfm/adjust_joined.h"
+#include "sfm/features/shared_features.h"
 #include "sfm/features/stationary_matches.h"
 #include "sfm/gaps.h"
 #include "sfm/mapping/bridging.h"
@@ -96,14 +97,14 @@ std::vector<Features> Session::EvenContrastFeatures(const std::vector<int>& chos
   const io::Stopwatch stopwatch;
   std::vector<std::string> names;
   for (const int i : chosen) names.push_back(pictures_[static_cast<std::size_t>(i)].name);
-  std::vector<Features> found = DetectFeatures(images_folder_,
-                                               names,
-                                               options_.masks_folder,
-                                               {.max_features = best_max_features_,
-                                                .max_image_size = options_.max_image_size,
-                                                .even_contrast = true,
-                                                .threads = options_.threads,
-                                                .memory = options_.memory});
+  std::vector<Features> found = DetectOnAllRanks(images_folder_,
+                                                 names,
+                                                 options_.masks_folder,
+                                                 {.max_features = best_max_features_,
+                                                  .max_image_size = options_.max_image_size,
+                                                  .even_contrast = true,
+                                                  .threads = options_.threads,
+                                                  .memory = options_.memory});
   std::vector<Features> features(pictures_.size());
   for (std::size_t i = 0; i < chosen.size(); ++i)
     features[static_cast<std::size_t>(chosen[i])] = std::move(found[i]);
@@ -118,8 +119,8 @@ void Session::BridgeGaps() {
   const io::Stopwatch stopwatch;
   const ImagePairs pairs = FollowingPairs(chosen);
   // Apart from each other: what is found both ways would not be distinct.
-  std::vector<PairMatches> matches = MatchFeatures(views->features, pairs, options_.threads);
-  AddFeatures(even, MatchFeatures(even, pairs, options_.threads), &views->features, &matches);
+  std::vector<PairMatches> matches = MatchOnAllRanks(views->features, pairs, options_.threads);
+  AddFeatures(even, MatchOnAllRanks(even, pairs, options_.threads), &views->features, &matches);
   result_.times.matching_s += stopwatch.seconds();
   if (stands_still_) DropStationaryMatches(views->features, &matches);
   MappingAttempt attempt = Bridge(*best_,
@@ -150,14 +151,14 @@ std::shared_ptr<const CapturedViews> Session::WithMoreFeatures(const CapturedVie
   auto more = std::make_shared<CapturedViews>(views);
   if (options_.detector != "opencv") return more;
   const io::Stopwatch stopwatch;
-  std::vector<Features> features = DetectFeatures(images_folder_,
-                                                  names,
-                                                  options_.masks_folder,
-                                                  {.max_features = max_features,
-                                                   .max_image_size = 0,
-                                                   .min_contrast = kSecondLookContrast,
-                                                   .threads = options_.threads,
-                                                   .memory = options_.memory});
+  std::vector<Features> features = DetectOnAllRanks(images_folder_,
+                                                    names,
+                                                    options_.masks_folder,
+                                                    {.max_features = max_features,
+                                                     .max_image_size = 0,
+                                                     .min_contrast = kSecondLookContrast,
+                                                     .threads = options_.threads,
+                                                     .memory = options_.memory});
   for (std::size_t i = 0; i < chosen.size(); ++i)
     more->features[static_cast<std::size_t>(chosen[i])] = std::move(features[i]);
   result_.times.features_s += stopwatch.seconds();

@@ -203,6 +203,10 @@ void PrintResults(const fs::path& out, const std::vector<std::string>& stages, d
               io::Printable(page.string()).c_str());
 }
 
+bool IsNeeded(const std::string& stage, const RunInput& input) {
+  return input.poses.empty() || (stage != "ingest" && stage != "sfm");
+}
+
 // Which stages rank 0 will run, in which way; recorded.
 std::vector<std::string> PlanChain(const RunInput& input, const fs::path& out, const Options& options) {
   if (!input.poses.empty()) {
@@ -218,7 +222,7 @@ std::vector<std::string> PlanChain(const RunInput& input, const fs::path& out, c
   Json commands = Json::object();
   for (const StageEntry& entry : StageTable()) {
     const std::string stage = entry.name;
-    if (!input.poses.empty() && (stage == "ingest" || stage == "sfm")) continue;
+    if (!IsNeeded(stage, input)) continue;
     stages.push_back(stage);
     commands[stage] = CommandText(stage, StageArguments(stage, input, out, options));
   }
@@ -242,9 +246,10 @@ int RunOnAllRanks(const std::string& stage,
 
 // What ranks do but the first: their parts of the stages that are shared out.
 int FollowChain(const RunInput& input, const fs::path& out, const Options& options) {
-  for (const StageEntry& stage : StageTable()) {
-    const int exit_code =
-        RunOnAllRanks(stage.name, stage.is_shared, out, StageArguments(stage.name, input, out, options));
+  for (const StageEntry& entry : StageTable()) {
+    const std::string stage = entry.name;
+    const bool has_part = entry.is_shared && IsNeeded(stage, input);
+    const int exit_code = RunOnAllRanks(stage, has_part, out, StageArguments(stage, input, out, options));
     if (exit_code != 0) return exit_code;
   }
   return 0;

@@ -18,7 +18,7 @@ struct Stage {
   int (*run)(int argc, const char* const* argv);
 };
 constexpr Stage kStages[] = {
-    {"run", RunRun}, {"train", RunTrain}, {"evaluate", RunEvaluate}, {"render", RunRender}};
+    {"run", RunRun}, {"sfm", RunSfm}, {"train", RunTrain}, {"evaluate", RunEvaluate}, {"render", RunRender}};
 
 }  // namespace
 

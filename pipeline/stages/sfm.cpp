@@ -17,6 +17,7 @@
 #include "pipeline/stage/guarded_main.h"
 #include "pipeline/stage/options.h"
 #include "pipeline/stage/stage_run.h"
+#include "pipeline/stages/rank_session.h"
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/reconstruction.h"
@@ -162,6 +163,7 @@ int RunSfm(int argc, const char* const* argv) {
     AddCommonOptions(&options, &common);
     AddSfmOptions(&options, &settings);
     if (!options.Parse(argc, argv)) return;
+    const RankSession session("sfm", common.out, argc, argv);
     settings.threads = ResolvedThreads(common);
     settings.memory = ResolvedMemory(common);
 
@@ -179,6 +181,13 @@ int RunSfm(int argc, const char* const* argv) {
     if (stage.IsUpToDate()) return;
 
     const fs::path work = stage.folder() / "work";
+    if (!stage.Leads()) {
+      io::ToldWorks works;
+      sfm::AddReconstructionWorks(ingest / "images", work, settings, &works);
+      sfm::AddUndistortionWork(stage.folder(), settings.threads, &works);
+      return io::Help(works);
+    }
+    const io::HelpOfOthers help;
     const sfm::Reconstruction result = [&] {
       try {
         return sfm::Reconstruct(pictures, ingest / "images", work, settings, [&](const std::string& line) {

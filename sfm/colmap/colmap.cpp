@@ -11,6 +11,7 @@
 #include "io/process/parallel.h"
 #include "io/process/process.h"
 #include "io/process/progress.h"
+#include "sfm/colmap/colmap_messages.h"
 #include "sfm/colmap/colmap_step.h"
 #include "sfm/colmap/log_progress.h"
 
@@ -67,9 +68,11 @@ std::vector<Features> KeypointsOf(const std::vector<PairMatches>& pairs,
 
 }  // namespace
 
-Colmap::Colmap(fs::path work_folder, int threads)
+Colmap::Colmap(fs::path work_folder, int threads) : Colmap(work_folder, threads, work_folder / kDatabase) {}
+
+Colmap::Colmap(fs::path work_folder, int threads, fs::path database)
     : work_folder_(std::move(work_folder)),
-      database_(work_folder_ / "database.db"),
+      database_(std::move(database)),
       log_path_(work_folder_ / "colmap.log"),
       threads_(threads) {
   const auto program = io::FindProgram("colmap");
@@ -174,10 +177,9 @@ std::vector<Features> Colmap::ExtractFeatures(const fs::path& images_folder,
 
 void Colmap::VerifyShard(const CapturedViews& views,
                          const std::vector<PairMatches>& shard,
-                         std::size_t index) {
-  const std::string stem = fmt::format("shard{}", index);
-  const fs::path database = work_folder_ / (stem + ".db"), list = work_folder_ / (stem + ".txt"),
-                 log = work_folder_ / (stem + ".log");
+                         const fs::path& database) {
+  fs::path list = database, log = database;
+  list.replace_extension(".txt"), log.replace_extension(".log");
   CreateDatabase(database);
   WritePictures(database, views.groups, views.camera_model, views.names, KeypointsOf(shard, views.features));
   WriteMatches(database, views.names, shard);
@@ -205,25 +207,39 @@ void Colmap::VerifyShard(const CapturedViews& views,
   fs::remove(log);
 }
 
-void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches) {
-  std::vector<std::vector<PairMatches>> shards((matches.size() + kPairsPerShard - 1) / kPairsPerShard);
-  for (std::size_t i = 0; i < matches.size(); ++i) shards[i / kPairsPerShard].push_back(matches[i]);
+io::TaskResults Colmap::VerifySome(const CapturedViews& views,
+                                   const Shards& shards,
+                                   const std::vector<std::size_t>& tasks) {
+  std::size_t n_pairs = 0, done = 0;
+  for (const std::size_t i : tasks) n_pairs += shards[i].size();
   io::Progress progress("sfm: verifying");
-  std::size_t done = 0;
-  io::ParallelFor(shards.size(), threads_, [&](std::size_t i) {
-    VerifyShard(views, shards[i], i);
+  io::TaskResults databases(tasks.size());
+  io::ParallelFor(tasks.size(), threads_, [&](std::size_t i) {
+    const fs::path database = work_folder_ / fmt::format("shard{}.db", tasks[i]);
+    VerifyShard(views, shards[tasks[i]], database);
+    databases[i] = database.lexically_relative(SharedFolder());
     const std::lock_guard lock(mutex_);
     ++done;
-    progress.Update(static_cast<double>(done) / static_cast<double>(shards.size()),
-                    fmt::format("{} pairs", matches.size()));
+    progress.Update(static_cast<double>(done) / static_cast<double>(tasks.size()),
+                    fmt::format("{} pairs", n_pairs));
   });
+  return databases;
+}
+
+void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches) {
+  Shards shards((matches.size() + kPairsPerShard - 1) / kPairsPerShard);
+  for (std::size_t i = 0; i < matches.size(); ++i) shards[i / kPairsPerShard].push_back(matches[i]);
+  const io::TaskResults databases = io::ShareOut(
+      kVerifyWork,
+      shards.size(),
+      [&] { return TellVerifying(work_folder_.filename(), views, shards); },
+      [&](const std::vector<std::size_t>& tasks) { return VerifySome(views, shards, tasks); });
   CreateDatabase(database_);
   WritePictures(database_, views.groups, views.camera_model, views.names, views.features);
   WriteMatches(database_, views.names, matches);
-  for (std::size_t i = 0; i < shards.size(); ++i) {
-    const fs::path shard = work_folder_ / fmt::format("shard{}.db", i);
-    CopyGeometries(shard, database_);
-    fs::remove(shard);
+  for (const std::string& name : databases) {
+    CopyGeometries(SharedFolder() / name, database_);
+    fs::remove(SharedFolder() / name);
   }
 }
 

@@ -1,7 +1,8 @@
 // Runs the installed COLMAP step by step. Each step gets an argument vector, a wall-clock and an
 // address-space limit, and its product is verified: COLMAP exits 0 after skipping unreadable pictures or on a
 // full disk. Every process works with one thread, the only way in which COLMAP repeats itself bit for bit
-// (colmap/colmap#727); verification is spread over processes instead.
+// (colmap/colmap#727); verification and blocks of pictures are spread over processes, and over ranks
+// (io/process/shared_work.h).
 #pragma once
 
 #include <cstddef>
@@ -11,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "io/process/shared_work.h"
 #include "sfm/colmap/colmap_database.h"
 #include "sfm/colmap/colmap_options.h"
 
@@ -29,6 +31,13 @@ class Colmap {
   // work_folder: empty and private; receives database.db, sparse/ and colmap.log. Throws io::Error
   // kMissingTool when COLMAP is not on PATH or lacks an option.
   Colmap(std::filesystem::path work_folder, int threads);
+
+  // What other ranks do for a Colmap of rank 0 in a folder of `work_folder`: in folders of their own inside
+  // that one, which all must see.
+  static void AddWorks(const std::filesystem::path& work_folder,
+                       const std::filesystem::path& images_folder,
+                       int threads,
+                       io::ToldWorks* works);
 
   // COLMAP's own SIFT on the CPU, as an alternative to DetectFeatures; beyond options.max_features, the
   // largest ones. Throws kMissingTool when a picture did not reach the database.
@@ -77,6 +86,12 @@ class Colmap {
 
  private:
   struct Step;
+  using Shards = std::vector<std::vector<PairMatches>>;
+  using Blocks = std::vector<std::vector<std::string>>;
+
+  // database: of the work of which this does a part, on another rank.
+  Colmap(std::filesystem::path work_folder, int threads, std::filesystem::path database);
+  std::filesystem::path SharedFolder() const { return database_.parent_path(); }
   bool Run(const Step& step);
   // A step that takes database and pictures and writes models to `output`.
   Step MapperStep(const std::string& command,
@@ -84,7 +99,18 @@ class Colmap {
                   const std::filesystem::path& output,
                   int n_pictures) const;
   void CreateDatabase(const std::filesystem::path& path);
-  void VerifyShard(const CapturedViews& views, const std::vector<PairMatches>& shard, std::size_t index);
+  void VerifyShard(const CapturedViews& views,
+                   const std::vector<PairMatches>& shard,
+                   const std::filesystem::path& database);
+  // The databases of these shards, relative to SharedFolder().
+  io::TaskResults VerifySome(const CapturedViews& views,
+                             const Shards& shards,
+                             const std::vector<std::size_t>& tasks);
+  // The folders of the models of these blocks, packed, relative to SharedFolder().
+  io::TaskResults MapSome(const std::filesystem::path& images_folder,
+                          const Blocks& blocks,
+                          bool relaxed,
+                          const std::vector<std::size_t>& tasks);
 
   std::filesystem::path program_, work_folder_, database_, log_path_;
   int threads_;

@@ -6,9 +6,12 @@
 #include <numeric>
 
 #include "io/base/atomic_file.h"
+#include "io/base/packed.h"
 #include "io/process/parallel.h"
 #include "io/process/progress.h"
+#include "io/process/ranks.h"
 #include "io/scene/colmap_model.h"
+#include "sfm/colmap/colmap_messages.h"
 #include "sfm/colmap/colmap_step.h"
 #include "sfm/colmap/log_progress.h"
 
@@ -33,6 +36,9 @@ const std::vector<std::string> kRelaxed = {"--Mapper.init_min_num_inliers",
                                            "8",
                                            "--Mapper.abs_pose_min_num_inliers",
                                            "15"};
+
+// Of a rank that does a part.
+std::string OwnFolder() { return fmt::format("rank{}", io::AllRanks().rank()); }
 
 std::vector<fs::path> ModelFolders(const fs::path& folder) {
   std::vector<fs::path> models;
@@ -81,19 +87,26 @@ std::vector<fs::path> Colmap::Map(const fs::path& images_folder, int n_pictures,
   return ModelFolders(sparse);
 }
 
-std::vector<std::vector<fs::path>> Colmap::MapBlocks(const fs::path& images_folder,
-                                                     const std::vector<std::vector<std::string>>& blocks,
-                                                     bool relaxed) {
+io::TaskResults Colmap::MapSome(const fs::path& images_folder,
+                                const Blocks& blocks,
+                                bool relaxed,
+                                const std::vector<std::size_t>& tasks) {
   std::size_t total = 0;
-  for (const auto& block : blocks) total += block.size();
+  for (const std::size_t i : tasks) total += blocks[i].size();
   io::Progress progress("sfm: mapping");
-  std::vector<int> done(blocks.size(), 0);
-  std::vector<std::vector<fs::path>> models(blocks.size());
-  io::ParallelFor(blocks.size(), threads_, [&](std::size_t i) {
-    const std::string stem = fmt::format("block{}", i);
+  std::vector<int> done(tasks.size(), 0);
+  const auto show = [&](double most) {
+    const int sum = std::accumulate(done.begin(), done.end(), 0);
+    progress.Update(std::min(most, sum / static_cast<double>(total)),
+                    fmt::format("{} blocks of pictures", tasks.size()));
+  };
+  io::TaskResults models(tasks.size());
+  io::ParallelFor(tasks.size(), threads_, [&](std::size_t i) {
+    const std::vector<std::string>& block = blocks[tasks[i]];
+    const std::string stem = fmt::format("block{}", tasks[i]);
     const fs::path list = work_folder_ / (stem + ".txt"), sparse = work_folder_ / stem;
-    io::WriteFileAtomically(list, fmt::format("{}\n", fmt::join(blocks[i], "\n")));
-    Step step = MapperStep("mapper", images_folder, sparse, static_cast<int>(blocks[i].size()));
+    io::WriteFileAtomically(list, fmt::format("{}\n", fmt::join(block, "\n")));
+    Step step = MapperStep("mapper", images_folder, sparse, static_cast<int>(block.size()));
     Append(&step.arguments, {"--image_list_path", list.string()});
     if (relaxed) Append(&step.arguments, kRelaxed);
     step.log = work_folder_ / (stem + ".log");
@@ -101,16 +114,60 @@ std::vector<std::vector<fs::path>> Colmap::MapBlocks(const fs::path& images_fold
     step.on_tick = [&] {
       const std::lock_guard lock(mutex_);
       done[i] = counter.Count();
-      const int sum = std::accumulate(done.begin(), done.end(), 0);
-      progress.Update(std::min(0.99, sum / static_cast<double>(total)),
-                      fmt::format("{} blocks of pictures", blocks.size()));
+      show(0.99);
     };
     Run(step);
-    models[i] = ModelFolders(sparse);
+    std::vector<std::string> folders;
+    for (const fs::path& folder : ModelFolders(sparse))
+      folders.push_back(folder.lexically_relative(SharedFolder()));
+    models[i] = io::Packer().Add(folders).Take();
     fs::remove(list);
+    const std::lock_guard lock(mutex_);
+    done[i] = static_cast<int>(block.size());
+    show(1);
   });
-  progress.Update(1, fmt::format("{} blocks of pictures", blocks.size()));
   return models;
+}
+
+std::vector<std::vector<fs::path>> Colmap::MapBlocks(const fs::path& images_folder,
+                                                     const Blocks& blocks,
+                                                     bool relaxed) {
+  const auto tell = [&] {
+    return TellMapping({.folder = work_folder_.filename(),
+                        .blocks = blocks,
+                        .has_images = !images_folder.empty(),
+                        .relaxed = relaxed,
+                        .take_two_view_tracks = take_two_view_tracks_});
+  };
+  std::vector<std::vector<fs::path>> models;
+  for (const std::string& packed :
+       io::ShareOut(kMapWork, blocks.size(), tell, [&](const std::vector<std::size_t>& tasks) {
+         return MapSome(images_folder, blocks, relaxed, tasks);
+       })) {
+    models.emplace_back();
+    for (const std::string& folder : io::Unpacker(packed).Take<std::vector<std::string>>())
+      models.back().push_back(SharedFolder() / folder);
+  }
+  return models;
+}
+
+void Colmap::AddWorks(const fs::path& work_folder,
+                      const fs::path& images_folder,
+                      int threads,
+                      io::ToldWorks* works) {
+  (*works)[kVerifyWork] = [=](const std::string& told, const std::vector<std::size_t>& tasks) {
+    const VerifyingMessage message = ToldVerifying(told);
+    const fs::path folder = work_folder / message.folder;
+    Colmap colmap(folder / OwnFolder(), threads, folder / kDatabase);
+    return colmap.VerifySome(message.views, message.shards, tasks);
+  };
+  (*works)[kMapWork] = [=](const std::string& told, const std::vector<std::size_t>& tasks) {
+    const MappingMessage message = ToldMapping(told);
+    const fs::path folder = work_folder / message.folder;
+    Colmap colmap(folder / OwnFolder(), threads, folder / kDatabase);
+    colmap.TakeTwoViewTracks(message.take_two_view_tracks);
+    return colmap.MapSome(message.has_images ? images_folder : "", message.blocks, message.relaxed, tasks);
+  };
 }
 
 std::optional<fs::path> Colmap::Continue(const fs::path& images_folder,

@@ -10,6 +10,8 @@
 
 namespace sfm {
 
+constexpr const char* kDatabase = "database.db";
+
 struct Colmap::Step {
   std::string command;
   std::vector<std::string> arguments;

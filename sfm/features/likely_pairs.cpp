@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sfm/features/matching.h"
+#include "sfm/features/shared_features.h"
 
 namespace sfm {
 namespace {
@@ -20,7 +20,7 @@ ImagePairs LikelyPairs(const std::vector<Features>& pictures, int partners, int 
   };
   std::vector<std::vector<Partner>> candidates(pictures.size());
   for (const PairMatches& pair :
-       MatchFeatures(largest, AllPairs(static_cast<int>(pictures.size())), threads)) {
+       MatchOnAllRanks(largest, AllPairs(static_cast<int>(pictures.size())), threads)) {
     const int shared = static_cast<int>(pair.matches.size());
     if (shared < kMinShared) continue;
     candidates[static_cast<std::size_t>(pair.a)].push_back({pair.b, shared});

@@ -9,6 +9,7 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
+#include "io/base/packed.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
 #include "io/process/parallel.h"
@@ -102,7 +103,13 @@ std::vector<std::string> TargetNames(const io::Scene& scene) {
   return names;
 }
 
-void WriteFrame(const io::Camera& camera, const fs::path& source, const fs::path& target) {
+// A frame's files, relative to the target folder; without a mask both of its names are empty.
+struct FrameFiles {
+  io::Camera camera;
+  std::string image, new_image, mask, new_mask;
+};
+
+void WriteImageOf(const io::Camera& camera, const fs::path& source, const fs::path& target) {
   const io::Image image = io::ReadImage(source);
   if (image.width != camera.width || image.height != camera.height) {
     throw io::Error(io::ExitCode::kBadInput,
@@ -121,9 +128,42 @@ void WriteFrame(const io::Camera& camera, const fs::path& source, const fs::path
   }
 }
 
-void WriteFrameMask(const io::Camera& camera, const fs::path& source, const fs::path& target) {
+void WriteMaskOf(const io::Camera& camera, const fs::path& source, const fs::path& target) {
   const io::Mask mask = io::ReadMask(source, camera.width, camera.height);
   io::WriteMask(target, camera.HasDistortion() ? Resample(mask, CachedMapToPinhole(camera)) : mask);
+}
+
+io::TaskResults WriteSome(const std::vector<FrameFiles>& frames,
+                          const fs::path& folder,
+                          int threads,
+                          const std::vector<std::size_t>& tasks) {
+  const auto path = [&](const std::string& name) { return (folder / name).lexically_normal(); };
+  io::ParallelFor(tasks.size(), threads, [&](std::size_t i) {
+    const FrameFiles& frame = frames[tasks[i]];
+    WriteImageOf(frame.camera, path(frame.image), path(frame.new_image));
+    if (!frame.mask.empty()) WriteMaskOf(frame.camera, path(frame.mask), path(frame.new_mask));
+  });
+  return io::TaskResults(tasks.size());
+}
+
+constexpr const char* kUndistortWork = "undistort";
+
+std::string Tell(const std::vector<FrameFiles>& frames) {
+  io::Packer told;
+  told.Add(frames.size());
+  for (const FrameFiles& f : frames)
+    told.Add(f.camera).Add(f.image).Add(f.new_image).Add(f.mask).Add(f.new_mask);
+  return told.Take();
+}
+
+std::vector<FrameFiles> ToldFrames(const std::string& bytes) {
+  io::Unpacker told(bytes);
+  std::vector<FrameFiles> frames(told.Take<std::size_t>());
+  for (FrameFiles& frame : frames) {
+    told.Take(&frame.camera);
+    for (std::string* name : {&frame.image, &frame.new_image, &frame.mask, &frame.new_mask}) told.Take(name);
+  }
+  return frames;
 }
 
 }  // namespace
@@ -165,22 +205,39 @@ io::Camera PinholeCamera(const io::Camera& camera) {
           .cy = camera.height / 2.0};
 }
 
-io::Scene UndistortScene(const io::Scene& scene, const fs::path& folder, int threads) {
+io::Scene UndistortScene(const io::Scene& scene, const fs::path& target, int threads) {
+  const fs::path folder = fs::absolute(target).lexically_normal();
   io::Scene result = scene;
   std::transform(scene.cameras.begin(), scene.cameras.end(), result.cameras.begin(), PinholeCamera);
   fs::create_directories(folder / "images");
   const std::vector<std::string> names = TargetNames(scene);
-  io::ParallelFor(scene.frames.size(), threads, [&](std::size_t i) {
-    const io::Frame& source = scene.frames[i];
-    io::Frame& target = result.frames[i];
-    const io::Camera& camera = scene.cameras[static_cast<std::size_t>(source.camera_index)];
-    target.image_path = fs::absolute(folder) / "images" / names[i];
-    WriteFrame(camera, source.image_path, target.image_path);
-    if (source.mask_path.empty()) return;
-    target.mask_path = fs::absolute(folder) / "masks" / fs::path(names[i]).replace_extension(".png");
-    WriteFrameMask(camera, source.mask_path, target.mask_path);
-  });
+  std::vector<FrameFiles> frames;
+  for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+    const io::Frame& frame = scene.frames[i];
+    const auto relative = [&](const fs::path& path) {
+      return path.empty() ? std::string() : fs::absolute(path).lexically_relative(folder).string();
+    };
+    frames.push_back({.camera = scene.cameras[static_cast<std::size_t>(frame.camera_index)],
+                      .image = relative(frame.image_path),
+                      .new_image = "images/" + names[i],
+                      .mask = relative(frame.mask_path)});
+    if (!frame.mask_path.empty())
+      frames[i].new_mask = "masks/" + fs::path(names[i]).replace_extension(".png").string();
+    result.frames[i].image_path = folder / frames[i].new_image;
+    result.frames[i].mask_path = frames[i].new_mask.empty() ? "" : folder / frames[i].new_mask;
+  }
+  io::ShareOut(
+      kUndistortWork,
+      frames.size(),
+      [&] { return Tell(frames); },
+      [&](const std::vector<std::size_t>& tasks) { return WriteSome(frames, folder, threads, tasks); });
   return result;
+}
+
+void AddUndistortionWork(const fs::path& folder, int threads, io::ToldWorks* works) {
+  (*works)[kUndistortWork] = [=](const std::string& told, const std::vector<std::size_t>& tasks) {
+    return WriteSome(ToldFrames(told), fs::absolute(folder), threads, tasks);
+  };
 }
 
 }  // namespace sfm

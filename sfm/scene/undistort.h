@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "io/process/shared_work.h"
 #include "io/scene/scene.h"
 
 namespace sfm {
@@ -18,7 +19,11 @@ io::Camera PinholeCamera(const io::Camera& camera);
 // byte for byte; the others become PNG, resampled with an 8x8 Lanczos kernel. A mask says of each pixel what
 // it said of the one that the pixel's centre comes from; what comes from outside is not used. Names keep
 // their stem; a repeated one gets _2. Poses and points are unchanged. Throws kBadInput naming the picture or
-// mask that cannot be read or does not have its camera's size.
+// mask that cannot be read or does not have its camera's size. By all ranks (io/process/shared_work.h), where
+// pictures lie in the same places beside `folder`.
 io::Scene UndistortScene(const io::Scene& scene, const std::filesystem::path& folder, int threads);
+
+// What the other ranks do for it.
+void AddUndistortionWork(const std::filesystem::path& folder, int threads, io::ToldWorks* works);
 
 }  // namespace sfm

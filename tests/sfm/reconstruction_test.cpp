@@ -14,7 +14,9 @@
 #include "sfm/colmap/colmap_database.h"
 #include "sfm/synthetic/synthetic_capture.h"
 #include "tests/support/files/small_capture.h"
+#include "tests/support/programs/forked_ranks.h"
 #include "tests/support/programs/require_program.h"
+#include "tests/support/scenes/scene_matchers.h"
 
 namespace {
 
@@ -103,6 +105,26 @@ TEST_F(SmallCapture, ABlockThatCannotBeJoinedIsContinuedWithThePicturesOfTheOthe
   EXPECT_EQ(Run(kSmallBlocks).model.scene.frames.size(), 7u);
   EXPECT_EQ(Decided("3 models, 1 of them joined"), 1) << "they share one picture each";
   EXPECT_EQ(Decided("trying again"), 0);
+}
+
+TEST_F(SmallCapture, TwoRanksFindThePosesOfOne) {
+  REQUIRE_PROGRAM("colmap");
+  AddWalk(7);
+  const sfm::Reconstruction one = Run(kSmallBlocks);
+  fs::remove_all(folder_ / "work");
+  sfm::Reconstruction two;
+  const auto lead = [&] {
+    const io::HelpOfOthers help;
+    two = Run(kSmallBlocks);
+  };
+  const auto follow = [&] {
+    io::ToldWorks works;
+    sfm::AddReconstructionWorks(folder_ / "images", folder_ / "work", kSmallBlocks, &works);
+    io::Help(works);
+  };
+  EXPECT_EQ(OnTwoRanks(lead, follow), 0);
+  EXPECT_TRUE(fs::exists(folder_ / "work/attempt1/rank1/block1")) << "it had a part";
+  EXPECT_THAT(two.model.scene, tests::SceneNear(one.model.scene, 0));
 }
 
 TEST_F(SmallCapture, WhatBlocksDoNotGiveIsMappedAsAWhole) {

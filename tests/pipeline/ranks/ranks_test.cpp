@@ -18,7 +18,9 @@
 #include "io/process/process.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/kernels/kernels.h"
+#include "tests/support/files/small_capture.h"
 #include "tests/support/files/temp_dir.h"
+#include "tests/support/programs/require_program.h"
 #include "tests/support/scenes/learnable_views.h"
 
 namespace {
@@ -29,7 +31,7 @@ using testing::HasSubstr;
 
 fs::path Program(const std::string& stage) { return fs::path(BINARY_DIR) / "bin" / ("pipeline-" + stage); }
 
-class Ranks : public testing::Test {
+class Ranks : public SmallCapture {
  protected:
   Ranks() {
     tests::WriteLearnableViews(dir_ / "pictures");
@@ -143,6 +145,34 @@ TEST_F(Ranks, SeveralWriteTheBytesOfOneWithTheKernelsThatAllHave) {
     EXPECT_GT(products.size(), 5u);
     EXPECT_TRUE(Products(three / stage) == products) << stage;
   }
+}
+
+TEST_F(Ranks, SeveralFindThePosesOfOne) {
+  REQUIRE_PROGRAM("colmap");
+  AddWalk(7);
+  const fs::path one = dir_ / "poses1", two = dir_ / "poses2";
+  const std::string images = (folder_ / "images").string();
+  ASSERT_EQ(io::RunProcess({Program("ingest"), images, "--out=" + one.string()}, {}).exit_code, 0);
+  fs::copy(one, two, fs::copy_options::recursive);
+  Run(1, one, "sfm", {"--features=600"});
+  Run(2, two, "sfm", {"--features=600"});
+  EXPECT_EQ(Said(1), "");
+  auto expected = Products(one / "sfm"), products = Products(two / "sfm");
+  for (auto* of : {&expected, &products}) of->erase("colmap.log");  // with times, and of one rank
+  EXPECT_GT(products.size(), 10u);
+  EXPECT_TRUE(products == expected);
+}
+
+TEST_F(Ranks, WhatCannotBeReconstructedIsSaidByTheFirstAlone) {
+  REQUIRE_PROGRAM("colmap");
+  for (const char* name : {"a.png", "b.png", "c.png", "d.png"}) AddStranger(name);
+  const fs::path run = dir_ / "strangers";
+  const std::string images = (folder_ / "images").string();
+  ASSERT_EQ(io::RunProcess({Program("ingest"), images, "--out=" + run.string()}, {}).exit_code, 0);
+  const pid_t first = Start(0, 2, run, "sfm", {}), second = Start(1, 2, run, "sfm", {});
+  EXPECT_EQ(ExitOf(first), static_cast<int>(ExitCode::kNotReconstructible)) << Said(0);
+  EXPECT_EQ(ExitOf(second), 0) << Said(1);
+  EXPECT_EQ(Said(1), "");
 }
 
 TEST_F(Ranks, AKilledRankIsNamedAndAnyNumberContinues) {
