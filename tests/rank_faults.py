@@ -93,6 +93,10 @@ class Ranks:
             process.wait()
 
 
+def digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def products(run):
     """Digests of what stages wrote; those without times."""
     digests = {}
@@ -100,7 +104,7 @@ def products(run):
         for path in sorted((run / folder).rglob("*")):
             name = str(path.relative_to(run))
             if path.is_file() and name not in TIMED and path != run / folder / f"{folder}.json":
-                digests[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+                digests[name] = digest(path)
     return digests
 
 

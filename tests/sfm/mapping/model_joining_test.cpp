@@ -3,38 +3,14 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <set>
 
 #include "sfm/scene/pose_error.h"
-#include "tests/support/scenes/sfm_synthetic_model.h"
+#include "tests/support/scenes/model_part.h"
 
 namespace {
 
 constexpr int kRingPictures = 14;
-
-// Pictures [first, end) of one ring, with what they see of its points; those that fewer than 3 of them see
-// are left out.
-io::ColmapModel Part(const io::ColmapModel& whole, int first, int end) {
-  io::ColmapModel part;
-  part.scene.cameras = whole.scene.cameras;
-  part.scene.frames.assign(whole.scene.frames.begin() + first, whole.scene.frames.begin() + end);
-  std::map<int, std::vector<io::Observation>> tracks;
-  for (io::Observation o : whole.observations) {
-    if (o.frame_index < first || o.frame_index >= end) continue;
-    o.frame_index -= first;
-    tracks[o.point_index].push_back(o);
-  }
-  for (auto& [point, track] : tracks) {
-    if (track.size() < 3) continue;
-    for (io::Observation& o : track) {
-      o.point_index = static_cast<int>(part.scene.points.size());
-      part.observations.push_back(o);
-    }
-    part.scene.points.push_back({.xyz = whole.scene.points[static_cast<std::size_t>(point)].xyz});
-  }
-  return part;
-}
 
 const io::Sim3d kElsewhere{.scale = 2.5,
                            .rotation = Eigen::AngleAxisd(1.1, Eigen::Vector3d(1, 2, 3).normalized()).matrix(),
@@ -45,8 +21,8 @@ struct Parts {
     std::mt19937_64 random(5);
     // Too large a cube for any picture to show all of it.
     for (int i = 0; i < 600; ++i) AddPoint(&whole, RandomVector(&random, 2.4), noise_px, &random);
-    a = Part(whole, 0, 9);
-    b = Part(whole, 4, kRingPictures);
+    a = PartOf(whole, 0, 9);
+    b = PartOf(whole, 4, kRingPictures);
     Move(&b, kElsewhere);
   }
   io::ColmapModel whole, a, b;
@@ -80,20 +56,20 @@ TEST(ModelJoining, AModelThatIsFoldedDoesNotFit) {
 
 TEST(ModelJoining, TooFewSharedPicturesOrPointsProveNothing) {
   const Parts parts(0.3);
-  EXPECT_FALSE(sfm::AlignModels(parts.a, Part(parts.whole, 5, kRingPictures))) << "4 pictures";
-  EXPECT_TRUE(sfm::AlignModels(parts.a, Part(parts.whole, 4, kRingPictures))) << "5 pictures";
+  EXPECT_FALSE(sfm::AlignModels(parts.a, PartOf(parts.whole, 5, kRingPictures))) << "4 pictures";
+  EXPECT_TRUE(sfm::AlignModels(parts.a, PartOf(parts.whole, 4, kRingPictures))) << "5 pictures";
   const io::ColmapModel few = RingModel(kRingPictures, 40, SmallCamera(), 0.3, 5);
   std::size_t seen = 0;
   for (const io::Observation& o : few.observations) seen += o.frame_index >= 4 && o.frame_index < 9;
-  io::ColmapModel fewer = Part(few, 4, kRingPictures);
+  io::ColmapModel fewer = PartOf(few, 4, kRingPictures);
   fewer.observations.resize(49);
   EXPECT_GE(seen, 50u);
-  EXPECT_FALSE(sfm::AlignModels(Part(few, 0, 9), fewer)) << "at most 49 shared points";
+  EXPECT_FALSE(sfm::AlignModels(PartOf(few, 0, 9), fewer)) << "at most 49 shared points";
 }
 
 TEST(ModelJoining, OnePictureLinksWhatLiesBeforeIt) {
   const Parts parts(0.3);
-  io::ColmapModel b = Part(parts.whole, 8, kRingPictures);
+  io::ColmapModel b = PartOf(parts.whole, 8, kRingPictures);
   Move(&b, kElsewhere);
   const auto a_from_b = sfm::AlignAtPicture(parts.a, b);
   ASSERT_TRUE(a_from_b);
@@ -101,7 +77,7 @@ TEST(ModelJoining, OnePictureLinksWhatLiesBeforeIt) {
   EXPECT_NEAR(identity.scale, 1, 1e-9);
   EXPECT_TRUE(identity.rotation.isIdentity(1e-9));
   EXPECT_LT(identity.translation.norm(), 1e-9);
-  EXPECT_FALSE(sfm::AlignAtPicture(parts.a, Part(parts.whole, 9, kRingPictures))) << "no picture in common";
+  EXPECT_FALSE(sfm::AlignAtPicture(parts.a, PartOf(parts.whole, 9, kRingPictures))) << "no picture in common";
   io::ColmapModel few = b;
   few.observations.clear();
   for (const io::Observation& o : b.observations) {

@@ -2,6 +2,8 @@
 // whole table, with many seeds, is `pipeline bench sfm --matrix`.
 #include "sfm/synthetic/hard_cases.h"
 
+#include <gmock/gmock.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -9,6 +11,8 @@
 #include <set>
 
 #include "io/process/process.h"
+#include "sfm/reconstruction.h"
+#include "sfm/scene/pose_error.h"
 #include "sfm/synthetic/synthetic_capture.h"
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/programs/require_program.h"
@@ -67,6 +71,25 @@ TEST(HardCases, QuickCellsPass) {
     ++cells;
   }
   EXPECT_EQ(cells, 9);
+}
+
+// In blocks as well: each of the four sides of a box is taken for another.
+TEST(HardCases, AFoldedBlockIsFound) {
+  REQUIRE_PROGRAM("colmap");
+  sfm::CaptureOptions options = Find("S13.1").options;
+  options.seed = 1;
+  const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture(options);
+  const TempDir dir;
+  std::string decisions;
+  const sfm::Reconstruction found =
+      sfm::ReconstructMatches(capture.pictures,
+                              capture.features,
+                              capture.matches,
+                              dir / "work",
+                              {.mapping = "blocks", .blocks = {.pictures = 8, .overlap = 0.6}, .threads = 2},
+                              [&](const std::string& line) { decisions += line + "\n"; });
+  EXPECT_THAT(decisions, testing::HasSubstr("contradict the poses found"));
+  EXPECT_LT(sfm::ComparePoses(found.model.scene, capture.truth).rotation_max_deg, sfm::kFoldedDeg);
 }
 
 // With this seed the error of held-out observations falls by 0.3 % only, less than a step must bring, while
