@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "io/base/check.h"
+#include "io/base/error.h"
 #include "io/base/random.h"
 #include "io/process/ranks.h"
 
@@ -10,21 +11,26 @@ namespace nerf {
 namespace {
 
 // Fills what other ranks computed of `values`: the tasks of each are consecutive, `length` values long but
-// for the last one.
-void ExchangeRanges(int n_tasks, std::size_t length, std::vector<float>* values) {
+// for the last one. False when a rank is lost or this one is to stop.
+bool ExchangeRanges(int n_tasks, std::size_t length, std::vector<float>* values) {
   io::Ranks& ranks = io::AllRanks();
   const auto begin_of = [&](int rank) {
     const auto task = static_cast<std::size_t>(io::FirstTask(n_tasks, rank, ranks.size()));
     return values->data() + std::min(values->size(), task * length);
   };
-  const std::vector<std::string> all =
-      ranks.AllGather({reinterpret_cast<const char*>(begin_of(ranks.rank())),
-                       reinterpret_cast<const char*>(begin_of(ranks.rank() + 1))});
+  std::vector<std::string> all;
+  try {
+    all = ranks.AllGather({reinterpret_cast<const char*>(begin_of(ranks.rank())),
+                           reinterpret_cast<const char*>(begin_of(ranks.rank() + 1))});
+  } catch (const io::Interrupted&) {
+    return false;
+  }
   for (int r = 0; r < ranks.size(); ++r) {
     const std::string& bytes = all[static_cast<std::size_t>(r)];
     PIPELINE_CHECK_EQ(bytes.size(), static_cast<std::size_t>(begin_of(r + 1) - begin_of(r)) * sizeof(float));
     bytes.copy(reinterpret_cast<char*>(begin_of(r)), bytes.size());
   }
+  return true;
 }
 
 }  // namespace
@@ -60,11 +66,9 @@ void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
   constexpr std::size_t kTask = 4096;
   const float size = 1.f / static_cast<float>(grid.resolution());
   const io::Ranks& ranks = io::AllRanks();
-  const int n_tasks = static_cast<int>((cells.size() + kTask - 1) / kTask),
-            first_task = io::FirstTask(n_tasks, ranks.rank(), ranks.size()),
-            last_task = io::FirstTask(n_tasks, ranks.rank() + 1, ranks.size());
-  workers->Run(last_task - first_task, [&](int task, int) {
-    const std::size_t first = static_cast<std::size_t>(first_task + task) * kTask,
+  const int n_tasks = static_cast<int>((cells.size() + kTask - 1) / kTask);
+  const auto query = [&](int task) {
+    const std::size_t first = static_cast<std::size_t>(task) * kTask,
                       last = std::min(cells.size(), first + kTask);
     Samples points;
     for (std::size_t i = first; i < last; ++i) {
@@ -75,8 +79,13 @@ void ProbeOccupancy(const std::vector<std::uint32_t>& candidates,
       points.z.push_back(centre[2] + size * (random.Uniform() - 0.5f));
     }
     scene_field->field->QueryDensity(points, &sigma[first]);
-  });
-  if (ranks.AreSeveral()) ExchangeRanges(n_tasks, kTask, &sigma);
+  };
+  const int first_task = io::FirstTask(n_tasks, ranks.rank(), ranks.size()),
+            end_task = io::FirstTask(n_tasks, ranks.rank() + 1, ranks.size());
+  workers->Run(end_task - first_task, [&](int task, int) { query(first_task + task); });
+  // The field has taken this step: a checkpoint that knows only half of it would continue elsewhere.
+  if (ranks.AreSeveral() && !ExchangeRanges(n_tasks, kTask, &sigma))
+    workers->Run(n_tasks, [&](int task, int) { query(task); });
   for (std::size_t i = 0; i < cells.size(); ++i) grid.Probe(cells[i], sigma[i]);
 }
 
