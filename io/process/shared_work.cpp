@@ -5,13 +5,11 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
+#include "io/base/packed.h"
 #include "io/process/ranks.h"
 
 namespace io {
 namespace {
-
-// How what rank 0 tells begins. A name ends with a zero byte, after the number of tasks.
-constexpr char kWork = 'w', kNoMoreWork = 'n';
 
 // On any rank; or it is not done yet. Then the others do not listen.
 bool& WorkHasFailed() {
@@ -71,22 +69,22 @@ TaskResults ShareOut(const std::string& name,
                      const OwnWork& own) {
   PIPELINE_CHECK(AllRanks().IsFirst());
   if (AllRanks().AreSeveral()) {
-    std::string told = kWork + std::to_string(n) + " " + name + '\0' + tell();
-    AllRanks().Broadcast(&told);
+    std::string message = Packer().Add(true).Add(name).Add(n).Add(tell()).Take();
+    AllRanks().Broadcast(&message);
   }
   return ComputeTogether(n, own);
 }
 
 void Help(const ToldWorks& works) {
   for (;;) {
-    std::string told;
-    AllRanks().Broadcast(&told);
-    if (told.front() == kNoMoreWork) return;
-    std::size_t digits = 0;
-    const std::size_t n = std::stoull(told.substr(1, told.find(' ')), &digits), end = told.find('\0');
-    const std::string name = told.substr(digits + 2, end - digits - 2);
-    told.erase(0, end + 1);
-    const ToldWork& work = works.at(name);
+    std::string bytes;
+    AllRanks().Broadcast(&bytes);
+    Unpacker message(bytes);
+    const bool is_work = message.Take<bool>();
+    if (!is_work) return;
+    const ToldWork& work = works.at(message.Take<std::string>());
+    const auto n = message.Take<std::size_t>();
+    const auto told = message.Take<std::string>();
     ComputeTogether(n, [&](const std::vector<std::size_t>& tasks) { return work(told, tasks); });
   }
 }
@@ -96,8 +94,8 @@ HelpOfOthers::HelpOfOthers() { WorkHasFailed() = false; }
 HelpOfOthers::~HelpOfOthers() {
   if (WorkHasFailed()) return;
   try {
-    std::string told(1, kNoMoreWork);
-    AllRanks().Broadcast(&told);
+    std::string message = Packer().Add(false).Take();
+    AllRanks().Broadcast(&message);
   } catch (const std::exception&) {  // a rank is lost, or this one was interrupted: its end tells the others
   }
 }

@@ -181,7 +181,7 @@ int RunSfm(int argc, const char* const* argv) {
     if (stage.IsUpToDate()) return;
 
     const fs::path work = stage.folder() / "work";
-    if (!stage.Leads()) {
+    if (!stage.Leads()) {  // works for rank 0 as long as that needs it
       io::ToldWorks works;
       sfm::AddReconstructionWorks(ingest / "images", work, settings, &works);
       sfm::AddUndistortionWork(stage.folder(), settings.threads, &works);
