@@ -22,6 +22,7 @@ import time
 OPTIONS = ["--steps=150", "--frames-out=8", "--image-size=160", "--threads=1"]
 ADDRESS = "10.77.0.1"
 MOST_S = 30  # until the others have ended
+JOIN_S = 20  # that a rank waits for one that was killed before they met
 LOST_RANK = 11
 # Products with times in them.
 TIMED = {"sfm/colmap.log", "train/checkpoint.bin", "train/curve.csv"}
@@ -63,6 +64,7 @@ class Ranks:
         self.processes = []
         for r in range(n):
             environment = dict(os.environ, RANK=str(r), WORLD_SIZE=str(n), MASTER_ADDR=ADDRESS, MASTER_PORT=port)
+            environment["PIPELINE_JOIN_S"] = str(JOIN_S)
             command = [given.bin / "pipeline", "run", given.pictures, "--out", run, *OPTIONS]
             host = ["ip", "netns", "exec", f"rank{r % 2}"]
             self.processes.append(
