@@ -68,7 +68,8 @@ std::vector<Features> KeypointsOf(const std::vector<PairMatches>& pairs,
 
 }  // namespace
 
-Colmap::Colmap(fs::path work_folder, int threads) : Colmap(work_folder, threads, work_folder / kDatabase) {}
+Colmap::Colmap(const fs::path& work_folder, int threads)
+    : Colmap(work_folder, threads, work_folder / kDatabase) {}
 
 Colmap::Colmap(fs::path work_folder, int threads, fs::path database)
     : work_folder_(std::move(work_folder)),

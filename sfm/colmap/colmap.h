@@ -30,7 +30,7 @@ class Colmap {
  public:
   // work_folder: empty and private; receives database.db, sparse/ and colmap.log. Throws io::Error
   // kMissingTool when COLMAP is not on PATH or lacks an option.
-  Colmap(std::filesystem::path work_folder, int threads);
+  Colmap(const std::filesystem::path& work_folder, int threads);
 
   // What other ranks do for a Colmap of rank 0 in a folder of `work_folder`: in folders of their own inside
   // that one, which all must see.
