@@ -90,7 +90,9 @@ Colmap::Colmap(fs::path work_folder, int threads, fs::path database)
 }
 
 bool Colmap::Run(const Step& step) {
-  std::vector<std::string> argv = {program_.string(), step.command};
+  // Its matrix library would share out products over all cores that it sees, and round otherwise on each
+  // number of them.
+  std::vector<std::string> argv = {"/usr/bin/env", "OMP_NUM_THREADS=1", program_.string(), step.command};
   argv.insert(argv.end(), step.arguments.begin(), step.arguments.end());
   const io::ProcessReport report = io::RunProcess(argv,
                                                   {.timeout_s = step.limit_s,

@@ -51,6 +51,14 @@ TEST_F(ColmapDriver, ACrashIsReportedWithTheLastLines) {
   EXPECT_NE(message.find("the last words"), std::string::npos) << message;
 }
 
+// Or products of its matrix library would depend on the number of cores.
+TEST_F(ColmapDriver, ItWorksWithOneThreadOnAnyNumberOfCores) {
+  Install("echo threads: $OMP_NUM_THREADS; kill -SEGV $$");
+  sfm::Colmap colmap = Make();
+  const std::string message = ErrorOf([&] { colmap.Map("", 5); }, io::ExitCode::kMissingTool);
+  EXPECT_NE(message.find("threads: 1\n"), std::string::npos) << message;
+}
+
 TEST_F(ColmapDriver, LackOfMemoryIsNoFaultOfTheProgram) {
   Install("echo \"terminate called after throwing an instance of 'std::bad_alloc'\"; kill -ABRT $$");
   sfm::Colmap colmap = Make();
