@@ -1,8 +1,8 @@
 #include "io/process/ranks.h"
 
-#include <cstdint>
 #include <utility>
 
+#include "io/base/packed.h"
 #include "io/process/meeting.h"
 
 namespace io {
@@ -42,21 +42,11 @@ std::vector<std::size_t> OwnTasks(std::size_t n) {
 void GatherTasks(std::vector<std::string>* results) {
   Ranks& ranks = AllRanks();
   if (!ranks.AreSeveral()) return;
-  std::string mine;
-  for (const std::size_t i : OwnTasks(results->size())) {
-    const std::uint64_t length = (*results)[i].size();
-    mine.append(reinterpret_cast<const char*>(&length), sizeof length) += (*results)[i];
-  }
-  const std::vector<std::string> all = ranks.AllGather(std::move(mine));
-  std::vector<std::size_t> read(all.size(), 0);
-  for (std::size_t i = 0; i < results->size(); ++i) {
-    const std::string& theirs = all[i % all.size()];
-    std::size_t& at = read[i % all.size()];
-    std::uint64_t length = 0;
-    theirs.copy(reinterpret_cast<char*>(&length), sizeof length, at);
-    (*results)[i] = theirs.substr(at + sizeof length, length);
-    at += sizeof length + length;
-  }
+  Packer mine;
+  for (const std::size_t i : OwnTasks(results->size())) mine.Add((*results)[i]);
+  const std::vector<std::string> all = ranks.AllGather(mine.Take());
+  std::vector<Unpacker> of_ranks(all.begin(), all.end());
+  for (std::size_t i = 0; i < results->size(); ++i) of_ranks[i % all.size()].Take(&(*results)[i]);
 }
 
 JoinFunction& Join() {
