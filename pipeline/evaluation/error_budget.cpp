@@ -103,7 +103,7 @@ ErrorBudget BudgetOf(const nerf::TrainedField& field,
   ErrorBudget budget;
   budget.psnr_db = psnr_db;
   const auto render_at = [&](const io::Rigid3d& world_from_cam) {
-    view = field.Render(camera, world_from_cam, {.threads = threads});
+    view = field.Render(camera, world_from_cam, OptionsOfScored(camera, threads));
     render = QuantizeView(view);
     budget.fitted_psnr_db = nerf::PsnrFromMse(nerf::MeanSquaredError(truth.picture, render, truth.mask));
   };

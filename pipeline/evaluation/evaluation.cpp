@@ -115,7 +115,8 @@ void RenderOne(const nerf::TrainedField& field,
                 frame.image_path.string() + ": " + SizeText(truth.width, truth.height) +
                     " pixels, its camera has " + SizeText(camera.width, camera.height));
   }
-  io::WriteImage(path, QuantizeView(field.Render(camera, frame.world_from_cam, {.threads = threads})));
+  io::WriteImage(path,
+                 QuantizeView(field.Render(camera, frame.world_from_cam, OptionsOfScored(camera, threads))));
 }
 
 std::vector<ViewFigures> ScoreAll(const io::Scene& test, const fs::path& folder, io::Workers* workers) {
@@ -191,6 +192,10 @@ Truth ReadTruth(const io::Frame& frame) {
   return truth;
 }
 
+nerf::RenderOptions OptionsOfScored(const io::Camera& camera, int threads) {
+  return {.threads = threads, .field_focal_px = nerf::kFieldPictureShare * camera.fl_x};
+}
+
 io::Image QuantizeView(const nerf::RenderedView& view) {
   io::Image image = io::MakeImage(view.width, view.height, 3);
   for (std::size_t i = 0; i < image.data.size(); ++i) {
@@ -240,7 +245,8 @@ std::optional<double> TrainingPsnr(const nerf::TrainedField& field, const io::Sc
     const io::Frame& frame = train.frames[i * n / n_judged];
     const io::Camera& camera = train.cameras[static_cast<std::size_t>(frame.camera_index)];
     const auto [truth, mask] = ReadTruth(frame);
-    const io::Image render = QuantizeView(field.Render(camera, frame.world_from_cam, {.threads = threads}));
+    const io::Image render =
+        QuantizeView(field.Render(camera, frame.world_from_cam, OptionsOfScored(camera, threads)));
     psnr[i] = nerf::PsnrFromMse(nerf::MeanSquaredError(truth, render, mask));
   }
   io::GatherTasks(&psnr);

@@ -34,6 +34,9 @@ Truth ReadTruth(const io::Frame& frame);
 // finite.
 io::Image QuantizeView(const nerf::RenderedView& view);
 
+// How pictures are drawn that are compared with those of the camera.
+nerf::RenderOptions OptionsOfScored(const io::Camera& camera, int threads);
+
 // Writes folder/renders/<stem of the truth>.png for every frame of `test`, at the size of its picture; keeps
 // those that are there. Throws kBadInput for a distorted camera, a picture of another size or two pictures of
 // one stem.

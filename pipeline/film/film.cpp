@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <future>
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "io/base/error.h"
-#include "io/image/colour_map.h"
 #include "io/image/image.h"
 #include "io/image/image_size.h"
 #include "io/process/interrupt.h"
@@ -22,6 +24,7 @@
 #include "nerf/paths/free_path.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/camera_path_file.h"
+#include "pipeline/film/depth_picture.h"
 #include "pipeline/film/film_check.h"
 #include "pipeline/film/support_pictures.h"
 
@@ -60,7 +63,15 @@ void RequireMemory(const io::Camera& camera, const FilmOptions& options) {
       fmt::format("render: a film of {} x {}", camera.width, camera.height));
 }
 
-// Renders and writes the frames of one film.
+using Pictures = std::vector<std::pair<fs::path, io::Image>>;
+
+struct FilmFrame {
+  Pictures pictures;      // to write in this order: the frame itself last
+  double ms = 0;          // that rendering it took; 0: it was there
+  std::string thumbnail;  // for CheckFrames()
+};
+
+// Renders the frames of one film.
 class FilmMaker {
  public:
   FilmMaker(const nerf::TrainedField& field,
@@ -86,8 +97,7 @@ class FilmMaker {
   void FindPath(Film* film) const;
   void ChooseSize(Film* film) const;
   void WritePath(const Film& film) const;
-  // Returns the milliseconds that rendering it took, 0 when it was there; the thumbnail for CheckFrames().
-  double MakeFrame(int frame, const Film& film, std::string* thumbnail) const;
+  FilmFrame MakeFrame(int frame, const Film& film) const;
 
  private:
   double Expected_s(const Film& film) const;  // that rendering the frames takes
@@ -111,7 +121,7 @@ class FilmMaker {
     }
     return false;
   }
-  void WriteSupport(int frame, const nerf::ViewSupport& support, const io::Image& picture) const;
+  void AddSupport(int frame, const nerf::ViewSupport& support, const io::Image& picture, Pictures* all) const;
 
   const nerf::TrainedField& field_;
   const io::Scene& train_;
@@ -194,28 +204,29 @@ void FilmMaker::WritePath(const Film& film) const {
   io::WriteTransforms(folder_ / "camera_path.json", scene, "");
 }
 
-void FilmMaker::WriteSupport(int frame, const nerf::ViewSupport& support, const io::Image& picture) const {
+void FilmMaker::AddSupport(int frame,
+                           const nerf::ViewSupport& support,
+                           const io::Image& picture,
+                           Pictures* all) const {
   const double scale =
       std::min(1.0, static_cast<double>(kSupportSide) / std::max(picture.width, picture.height));
   const int width = static_cast<int>(std::lround(scale * picture.width)),
             height = static_cast<int>(std::lround(scale * picture.height));
   const SupportPictures paths = SupportPicturePaths(folder_, frame);
-  io::WriteImage(paths.picture, io::ResizeArea(picture, width, height));
-  io::WriteImage(paths.angle, ViewAnglePicture(support, width, height));
-  io::WriteImage(paths.views,
-                 ViewCountPicture(support, static_cast<int>(train_.frames.size()), width, height));
+  all->emplace_back(paths.picture, io::ResizeArea(picture, width, height));
+  all->emplace_back(paths.angle, ViewAnglePicture(support, width, height));
+  all->emplace_back(paths.views,
+                    ViewCountPicture(support, static_cast<int>(train_.frames.size()), width, height));
 }
 
-double FilmMaker::MakeFrame(int frame, const Film& film, std::string* thumbnail) const {
+FilmFrame FilmMaker::MakeFrame(int frame, const Film& film) const {
   const fs::path picture_path = FramePath("frames", frame), depth_path = FramePath("depth_frames", frame),
                  support_path = FramePath("support_frames", frame);
   const bool shows_support = IsSupportFrame(frame, film.frames);
   if (fs::is_regular_file(picture_path) && (!options_.depth || fs::is_regular_file(depth_path)) &&
       (!options_.support || fs::is_regular_file(support_path)) &&
-      (!shows_support || fs::is_regular_file(SupportPicturePaths(folder_, frame).views))) {
-    *thumbnail = Thumbnail(io::ReadImage(picture_path));
-    return 0;
-  }
+      (!shows_support || fs::is_regular_file(SupportPicturePaths(folder_, frame).views)))
+    return {.pictures = {}, .thumbnail = Thumbnail(io::ReadImage(picture_path))};
   const auto start = std::chrono::steady_clock::now();
   const io::Rigid3d& pose = film.path.world_from_cam[static_cast<std::size_t>(frame)];
   const io::Camera camera = CameraOf(film, frame);
@@ -229,28 +240,40 @@ double FilmMaker::MakeFrame(int frame, const Film& film, std::string* thumbnail)
     support = support_.ObservedIn(camera, pose, view, options_.threads);
   }
   if (unknown) nerf::VeilUnobserved(support, kUnseenTone, render_options_.limits.crop.has_value(), &view);
-  const double ms = 1000 * Seconds(std::chrono::steady_clock::now() - start).count();
-  const io::Image picture = QuantizeView(view);
-  *thumbnail = Thumbnail(picture);
-  if (options_.depth) io::WriteImage(depth_path, DepthPicture(view, train_.near, train_.far));
+  FilmFrame made{.pictures = {}, .ms = 1000 * Seconds(std::chrono::steady_clock::now() - start).count()};
+  io::Image picture = QuantizeView(view);
+  made.thumbnail = Thumbnail(picture);
+  if (options_.depth) made.pictures.emplace_back(depth_path, DepthPicture(view, train_.near, train_.far));
   if (options_.support) {
     const int n_views = static_cast<int>(train_.frames.size());
-    io::WriteImage(support_path, ViewCountPicture(support, n_views, view.width, view.height));
+    made.pictures.emplace_back(support_path, ViewCountPicture(support, n_views, view.width, view.height));
   }
-  if (shows_support) WriteSupport(frame, support, picture);
-  io::WriteImage(picture_path, picture);
-  return ms;
+  if (shows_support) AddSupport(frame, support, picture, &made.pictures);
+  made.pictures.emplace_back(picture_path, std::move(picture));
+  return made;
 }
 
-void RenderFrames(const FilmMaker& maker, Film* film) {
+void WritePictures(const Pictures& pictures) {
+  for (const auto& [path, picture] : pictures) io::WriteImage(path, picture);
+}
+
+// With several threads a frame is written while the next one is rendered.
+void RenderFrames(const FilmMaker& maker, int threads, Film* film) {
+  const std::launch how = threads > 1 ? std::launch::async : std::launch::deferred;
+  std::future<void> writing;
   std::vector<double> ms(static_cast<std::size_t>(film->frames), 0);
   std::vector<std::string> thumbnails(ms.size());
   io::Progress progress("render: film");
   for (const std::size_t i : io::OwnTasks(ms.size())) {
     io::ThrowIfInterrupted();
-    ms[i] = maker.MakeFrame(static_cast<int>(i), *film, &thumbnails[i]);
+    FilmFrame frame = maker.MakeFrame(static_cast<int>(i), *film);
+    ms[i] = frame.ms;
+    thumbnails[i] = std::move(frame.thumbnail);
+    if (writing.valid()) writing.get();
+    writing = std::async(how, WritePictures, std::move(frame.pictures));
     progress.Update((static_cast<double>(i) + 1) / film->frames);
   }
+  if (writing.valid()) writing.get();
   io::GatherTasks(&ms);
   io::GatherTasks(&thumbnails);
   for (std::string& line : CheckFrames(thumbnails)) film->decisions.push_back(std::move(line));
@@ -259,19 +282,6 @@ void RenderFrames(const FilmMaker& maker, Film* film) {
 }
 
 }  // namespace
-
-io::Image DepthPicture(const nerf::RenderedView& view, double near, double far) {
-  std::vector<float> share(view.depth.size());
-  for (std::size_t i = 0; i < share.size(); ++i) {
-    share[i] = static_cast<float>((view.depth[i] - near) / (far - near));
-  }
-  io::Image picture = io::ApplyColourMap(share, view.width, view.height, io::ColourMap::kTurbo);
-  for (std::size_t i = 0; i < picture.data.size(); ++i) {
-    const float opacity = std::clamp(view.opacity[i / 3], 0.f, 1.f);
-    picture.data[i] = static_cast<std::uint8_t>(std::lround(opacity * picture.data[i]));
-  }
-  return picture;
-}
 
 int DefaultFrames(const nerf::CameraPath& path, double fps) {
   const double walk_s = path.kind == nerf::PathKind::kWalk ? nerf::TotalMotion(path) / kWalkSpeed : 0;
@@ -312,7 +322,7 @@ Film RenderFilm(const nerf::TrainedField& field,
   } else {
     film.size.camera = EvenCamera(film.size.camera, width);
   }
-  RenderFrames(maker, &film);
+  RenderFrames(maker, options.threads, &film);
   if (!leads) return film;
   if (film.rendered < film.frames) {
     film.decisions.push_back(

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "io/base/memory.h"
-#include "io/image/image.h"
 #include "io/scene/scene.h"
 #include "io/video/video_writer.h"
 #include "nerf/paths/camera_path.h"
@@ -47,9 +46,6 @@ struct Film {
 
 // Shown where no training view has observed anything, sRGB: darker than what pictures show, not quite black.
 inline constexpr std::array<float, 3> kUnseenTone = {0.085f, 0.09f, 0.1f};
-
-// Depth in turbo colours between near and far, faded to black where rays leave the scene.
-io::Image DepthPicture(const nerf::RenderedView& view, double near, double far);
 
 // Frames of a film along `path` for FilmOptions::frames = 0.
 int DefaultFrames(const nerf::CameraPath& path, double fps);

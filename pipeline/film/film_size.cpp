@@ -12,8 +12,8 @@ namespace {
 constexpr int kMinSide = 32;
 // The speed of so many smaller sizes is tried at most.
 constexpr int kSizesTried = 4;
-// Frames with the field at this share agree with those of the whole field to 44 dB or better.
-constexpr double kLeastFieldShare = 0.5;
+// Below, what is seen of the field alone becomes blurred.
+constexpr double kLeastFieldShare = 0.35;
 
 int EvenSide(double pixels) { return std::max(kMinSide, 2 * static_cast<int>(std::lround(pixels / 2))); }
 
@@ -56,7 +56,7 @@ std::string KeepUnder(double ceiling_s,
   if (first_s <= ceiling_s) return "";
   std::string line = fmt::format("film {} wide", size->camera.width);
   if (size->camera.width < largest.width) line += fmt::format(" instead of {}", largest.width);
-  if (size->field_share < 1)
+  if (size->field_share < nerf::kFieldPictureShare)
     line += fmt::format(", the field under the splats at {:.0f} % of its size", 100 * size->field_share);
   return line +
          fmt::format(": else the frames would take {:.0f} s; the ceiling is {:.0f} s", first_s, ceiling_s);

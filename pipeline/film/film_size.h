@@ -5,14 +5,14 @@
 #include <string>
 
 #include "io/scene/scene.h"
+#include "nerf/rendering/trained_field.h"
 
 namespace pipeline {
 
 struct FilmSize {
   io::Camera camera;
-  // Of the sides of the field's picture, which is magnified where splats lie over it, against its size in
-  // training.
-  double field_share = 1;
+  // Sides of the field's picture, which is magnified where splats lie over it, against those in training.
+  double field_share = nerf::kFieldPictureShare;
 };
 
 // Longer side of the default film.

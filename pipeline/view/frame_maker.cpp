@@ -15,6 +15,7 @@
 #include "io/process/stopwatch.h"
 #include "nerf/data/capture_geometry.h"
 #include "pipeline/evaluation/evaluation.h"
+#include "pipeline/film/depth_picture.h"
 #include "pipeline/film/film.h"
 #include "pipeline/film/support_pictures.h"
 
@@ -26,8 +27,7 @@ using Clock = std::chrono::steady_clock;
 // Pixels between two looks at whether the picture is still wanted: some 50 ms of one core.
 constexpr int kBandPixels = 1 << 14;
 // While a hand moves, the sides of the field's picture under splats, as a share of those of the picture or,
-// if these are smaller, of the training pictures: about half of the time goes to field and splats each, and
-// nothing is seen of it (43 dB against the whole field, nerf/EXPERIMENTS.md).
+// if these are smaller, of the training pictures: most of the time goes to the splats.
 constexpr double kMovingFieldShare = 0.35;
 // Of what training gives up, the processor time of frames is so much. The rest goes to checkpoints for them,
 // written and read, and to threads of a training step that wait for one which a frame holds up.
@@ -48,14 +48,14 @@ nerf::RenderOptions OptionsOf(const FrameRequest& request, const io::Scene& scen
   nerf::RenderOptions options;
   options.threads = threads;
   options.splats = request.layer == ViewLayer::kColour;
+  const double trained_px = nerf::LongestFocalLength(scene);
+  options.field_focal_px = nerf::kFieldPictureShare * trained_px;
   if (request.quality != ViewQuality::kFinest) {
     options.step_scale = 1;
     options.samples_per_pixel = 1;
-    options.field_focal_px = nerf::LongestFocalLength(scene);
   }
-  if (request.quality == ViewQuality::kFast) {
-    options.field_focal_px = kMovingFieldShare * std::min(options.field_focal_px, request.camera.fl_x);
-  }
+  if (request.quality == ViewQuality::kFast)
+    options.field_focal_px = kMovingFieldShare * std::min(trained_px, request.camera.fl_x);
   if (request.crop) {
     options.limits.crop = request.crop->box;
     options.background = request.crop->background;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "nerf/splatting/plain_rasteriser.h"
@@ -42,6 +43,57 @@ TEST_F(SplatMixing, IsAMeanOfTheFieldAndOfSplatsBeforeTheField) {
     far_from_field = std::max(far_from_field, std::abs(static_cast<double>(mixed[i]) - 0.25));
   }
   EXPECT_GT(far_from_field, 0.06);
+}
+
+// A picture of 24 x 16 values whose pixels are the means of 2 x 2, magnified again: three quarters of a pixel
+// and one quarter of its neighbour each way, or of itself at the edge.
+std::vector<double> Blurred(const std::vector<double>& picture) {
+  const auto mean = [&](int x, int y) {
+    x = std::clamp(x, 0, 11), y = std::clamp(y, 0, 7);
+    const auto at = [&](int dx, int dy) {
+      return picture[static_cast<std::size_t>(24 * (2 * y + dy) + 2 * x + dx)];
+    };
+    return (at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) / 4;
+  };
+  std::vector<double> blurred;
+  for (int i = 0; i < 24 * 16; ++i) {
+    const int x = i % 24 / 2, y = i / 24 / 2, beside_x = x + (i % 2 ? 1 : -1),
+              beside_y = y + (i / 24 % 2 ? 1 : -1);
+    blurred.push_back(9 * mean(x, y) / 16 + 3 * (mean(beside_x, y) + mean(x, beside_y)) / 16 +
+                      mean(beside_x, beside_y) / 16);
+  }
+  return blurred;
+}
+
+TEST_F(SplatMixing, ASmallFieldHasTheFineStructureOfTheSplats) {
+  scene_field_.splats = tests::SomeSplats(60);
+  for (float& scale : scene_field_.splats.log_scales) scale -= 1;  // about as wide as pixels
+  scene_field_.splat_share = 0.3f;
+  const std::vector<double> over = RenderPlainly(scene_field_.splats, view_, {0.25, 0.25, 0.25});
+  RenderedView field{.width = 12, .height = 8};
+  field.rgb.assign(3 * 12 * 8, 0.25f), field.opacity.assign(12 * 8, 1);
+  MixSplats(scene_field_, view_.camera, view_.world_from_cam, {}, &workers_, &field);
+  ASSERT_EQ(field.width, 24);
+  double most = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    std::vector<double> channel;
+    for (std::size_t i = c; i < over.size(); i += 3) channel.push_back(over[i]);
+    const std::vector<double> blurred = Blurred(channel);
+    for (std::size_t i = 0; i < channel.size(); ++i) {
+      const double detail = channel[i] - blurred[i], whole = 0.25 + detail;
+      EXPECT_NEAR(field.rgb[3 * i + c], std::clamp(whole + 0.3 * (channel[i] - whole), 0.0, 1.0), 0.006);
+      most = std::max(most, std::abs(detail));
+    }
+  }
+  EXPECT_GT(most, 0.06);
+}
+
+TEST_F(SplatMixing, WhereABoxIsEmptyASmallFieldStaysAsItIs) {
+  scene_field_.splats = tests::SomeSplats(60);
+  RenderedView field{.width = 12, .height = 8};
+  field.rgb.assign(3 * 12 * 8, 0.25f), field.opacity.assign(12 * 8, 0);
+  MixSplats(scene_field_, view_.camera, view_.world_from_cam, CropBox{.size = {4, 4, 4}}, &workers_, &field);
+  for (const float value : field.rgb) EXPECT_EQ(value, 0.25f);
 }
 
 TEST_F(SplatMixing, InACropBoxTheFieldsOpacityIsKept) {

@@ -30,20 +30,20 @@ TEST(FilmSize, IsWholeWithinTheCeiling) {
   FilmSize size = LargeFilm();
   EXPECT_EQ(Keep(180, 100, 70, true, &size), "");
   EXPECT_EQ(size.camera, LargeFilm().camera);
-  EXPECT_EQ(size.field_share, 1);
+  EXPECT_EQ(size.field_share, 0.5);
 }
 
 TEST(FilmSize, TheFieldUnderSplatsBecomesSmallerBeforeTheFilm) {
   FilmSize size = LargeFilm();
   EXPECT_EQ(
-      Keep(180, 200, 50, true, &size),
-      "film 1280 wide, the field under the splats at 81 % of its size: else the frames would take 250 s; the "
+      Keep(180, 800, 50, true, &size),
+      "film 1280 wide, the field under the splats at 40 % of its size: else the frames would take 250 s; the "
       "ceiling is 180 s");
-  EXPECT_LE(200 * size.field_share * size.field_share + 50, 182);
+  EXPECT_LE(800 * size.field_share * size.field_share + 50, 185);
 
   size = LargeFilm();
-  EXPECT_NE(Keep(180, 400, 100, true, &size), "");
-  EXPECT_EQ(size.field_share, 0.5);
+  EXPECT_NE(Keep(180, 816, 100, true, &size), "");
+  EXPECT_EQ(size.field_share, 0.35);
   EXPECT_LT(size.camera.width, 1280);
   EXPECT_GT(size.camera.width, 1000);
 }
@@ -52,7 +52,7 @@ TEST(FilmSize, WithoutSplatsTheFilmBecomesSmaller) {
   FilmSize size = LargeFilm();
   EXPECT_EQ(Keep(180, 0, 320, false, &size),
             "film 960 wide instead of 1280: else the frames would take 320 s; the ceiling is 180 s");
-  EXPECT_EQ(size.field_share, 1);
+  EXPECT_EQ(size.field_share, 0.5);
   EXPECT_EQ(size.camera.height, 720);
 }
 
@@ -61,7 +61,7 @@ TEST(FilmSize, IsNeverNarrowerThanTheTrainingPictures) {
     FilmSize size = LargeFilm();
     EXPECT_NE(Keep(1, 1000, 1000, has_splats, &size), "");
     EXPECT_EQ(size.camera.width, kTrained);
-    EXPECT_EQ(size.field_share, has_splats ? 0.5 : 1);
+    EXPECT_EQ(size.field_share, has_splats ? 0.35 : 0.5);
   }
 }
 
