@@ -307,6 +307,7 @@ Film RenderFilm(const nerf::TrainedField& field,
   film.size.camera =
       given_path ? EvenCamera(CameraOfPath(*given_path), options.width ? options.width : given_path->width)
                  : FilmCamera(train, options.width, options.photo_side);
+  if (options.depth) film.size.field_share = 1;  // the edges of depths are the field's
   RequireMemory(film.size.camera, options);
   const bool leads = io::AllRanks().IsFirst();
   std::optional<io::VideoEncoder> encoder;

@@ -61,6 +61,14 @@ class EvaluationTest : public testing::Test {
 };
 
 // A mean squared error of 0 has no PSNR: the figure is capped, so that means and JSON stay finite.
+// As in films: the field under splats with half the sides.
+TEST_F(EvaluationTest, ViewsAreDrawnAsFramesOfFilmsAre) {
+  const SphereField field;
+  Score(field);
+  EXPECT_EQ(field.last_options.field_focal_px, 0.5 * scene_.cameras[0].fl_x);
+  EXPECT_TRUE(field.last_options.splats);
+}
+
 TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
   Scores result = Score(SphereField());
   result.protocol = "capture";

@@ -89,6 +89,16 @@ TEST_F(FilmTest, RaysPerPixelReachTheField) {
   EXPECT_EQ(field.last_options.samples_per_pixel, 9);
 }
 
+TEST_F(FilmTest, TheFieldIsHalfAsFineAsTheTrainingPicturesButForDepths) {
+  const double trained = scene_.cameras[0].fl_x;
+  const SphereField field;
+  pipeline::RenderFilm(field, scene_, options_, folder_);
+  EXPECT_EQ(field.last_options.field_focal_px, 0.5 * trained);
+  options_.depth = true;
+  pipeline::RenderFilm(field, scene_, options_, folder_);
+  EXPECT_EQ(field.last_options.field_focal_px, trained);
+}
+
 TEST_F(FilmTest, AGivenPathIsFilmedAsItIs) {
   pipeline::CameraPathFile file{.width = 64, .height = 48, .fps = 20};
   for (const double fov : {0.5, 0.7, 0.9}) file.frames.push_back({scene_.frames[3].world_from_cam, fov});
