@@ -27,6 +27,12 @@ SplatPicture Shrunk(const SplatPicture& picture, const io::Camera& from, const i
           .transmittance = Resized(picture.transmittance, from, to, 1, cv::INTER_AREA)};
 }
 
+// Puts the splats, which are before black, before the field's picture of the same size.
+void PutBefore(const std::vector<float>& field_rgb, SplatPicture* splats) {
+  for (std::size_t i = 0; i < field_rgb.size(); ++i)
+    splats->rgb[i] += splats->transmittance[i / 3] * field_rgb[i];
+}
+
 Splats SplatsIn(const Splats& splats, const CropBox& box) {
   return SplatsWhere(splats, [&](const Eigen::Vector3d& middle) { return Contains(box, middle); });
 }
@@ -57,11 +63,6 @@ SplatPicture RenderSplats(const SceneField& scene_field,
                                              static_cast<int>(std::ceil(times * camera.width)),
                                              static_cast<int>(std::ceil(times * camera.height)));
   return Shrunk(render(large), large, camera);
-}
-
-void PutBefore(const std::vector<float>& field_rgb, SplatPicture* splats) {
-  for (std::size_t i = 0; i < field_rgb.size(); ++i)
-    splats->rgb[i] += splats->transmittance[i / 3] * field_rgb[i];
 }
 
 void MixSplats(const SceneField& scene_field,

@@ -24,9 +24,6 @@ inline float MixedValue(float field, float over, float share) {
   return std::clamp(field + share * (over - field), 0.f, 1.f);
 }
 
-// Puts the splats, which are before black, before the field's picture of the same size.
-void PutBefore(const std::vector<float>& field_rgb, SplatPicture* splats);
-
 // A camera's view of splats that look through the pixels of pictures with a focal length of splat_focal_px: a
 // longer one magnifies these.
 SplatView SplatViewOf(const SceneField& scene_field,

@@ -40,7 +40,7 @@ std::string KeepUnder(double ceiling_s,
                       FilmSize* size) {
   const io::Camera largest = size->camera;
   const int least = EvenCamera(largest, trained_width).width;
-  const double first_s = expected_s();
+  const double first_share = size->field_share, first_s = expected_s();
   double now_s = first_s;
   for (int k = 0; k < kSizesTried && now_s > ceiling_s; ++k) {
     const double shrink = std::sqrt(ceiling_s / now_s);
@@ -56,7 +56,7 @@ std::string KeepUnder(double ceiling_s,
   if (first_s <= ceiling_s) return "";
   std::string line = fmt::format("film {} wide", size->camera.width);
   if (size->camera.width < largest.width) line += fmt::format(" instead of {}", largest.width);
-  if (size->field_share < nerf::kFieldPictureShare)
+  if (size->field_share < first_share)
     line += fmt::format(", the field under the splats at {:.0f} % of its size", 100 * size->field_share);
   return line +
          fmt::format(": else the frames would take {:.0f} s; the ceiling is {:.0f} s", first_s, ceiling_s);

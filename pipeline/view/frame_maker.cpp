@@ -27,7 +27,7 @@ using Clock = std::chrono::steady_clock;
 // Pixels between two looks at whether the picture is still wanted: some 50 ms of one core.
 constexpr int kBandPixels = 1 << 14;
 // While a hand moves, the sides of the field's picture under splats, as a share of those of the picture or,
-// if these are smaller, of the training pictures: most of the time goes to the splats.
+// if these are smaller, of the training pictures (nerf/EXPERIMENTS.md, Rendering).
 constexpr double kMovingFieldShare = 0.35;
 // Of what training gives up, the processor time of frames is so much. The rest goes to checkpoints for them,
 // written and read, and to threads of a training step that wait for one which a frame holds up.

@@ -60,7 +60,6 @@ class EvaluationTest : public testing::Test {
   std::string message_;
 };
 
-// A mean squared error of 0 has no PSNR: the figure is capped, so that means and JSON stay finite.
 // As in films: the field under splats with half the sides.
 TEST_F(EvaluationTest, ViewsAreDrawnAsFramesOfFilmsAre) {
   const SphereField field;
@@ -69,6 +68,7 @@ TEST_F(EvaluationTest, ViewsAreDrawnAsFramesOfFilmsAre) {
   EXPECT_TRUE(field.last_options.splats);
 }
 
+// A mean squared error of 0 has no PSNR: the figure is capped, so that means and JSON stay finite.
 TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
   Scores result = Score(SphereField());
   result.protocol = "capture";

@@ -39,7 +39,7 @@ TEST(FilmSize, TheFieldUnderSplatsBecomesSmallerBeforeTheFilm) {
       Keep(180, 800, 50, true, &size),
       "film 1280 wide, the field under the splats at 40 % of its size: else the frames would take 250 s; the "
       "ceiling is 180 s");
-  EXPECT_LE(800 * size.field_share * size.field_share + 50, 185);
+  EXPECT_LE(800 * size.field_share * size.field_share + 50, 182);
 
   size = LargeFilm();
   EXPECT_NE(Keep(180, 816, 100, true, &size), "");
