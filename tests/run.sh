@@ -12,7 +12,8 @@ export PIPELINE_ALL_PROGRAMS=1  # a test that misses a program fails
 log="$(mktemp)"
 trap 'rm -f "$log"' EXIT
 status=0
-ctest --preset test -j2 2>&1 | tee "$log" || status=$?
+# One more than there are cores: some tests wait for the disk, or for the page in a browser.
+ctest --preset test -j "$(($(nproc) + 1))" 2>&1 | tee "$log" || status=$?
 # On a failure ctest prints the names after its summary: repeat the summary as the last line.
 grep 'tests passed' "$log" | tail -1
 exit "$status"

@@ -6,6 +6,12 @@
 #include <Eigen/SVD>
 
 namespace io {
+namespace {
+
+// Unit vectors with a shorter sum count as opposite: rounding would turn it by as much as that is wrong.
+constexpr double kOpposite = 1e-8;
+
+}  // namespace
 
 SymmetricEigen EigenDecomposition(const Eigen::Matrix3d& matrix) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(matrix);
@@ -23,8 +29,14 @@ Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix) {
   return svd.matrixU() * Eigen::Vector3d(1, 1, -1).asDiagonal() * svd.matrixV().transpose();
 }
 
+// Half a turn about `from`, then half a turn about the direction in the middle.
 Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+  const Eigen::Vector3d a = from.normalized(), sum = a + to.normalized();
+  const Eigen::Vector3d middle = sum.norm() > kOpposite ? sum.normalized() : a.unitOrthogonal();
+  const auto half_turn = [](const Eigen::Vector3d& axis) -> Eigen::Matrix3d {
+    return 2 * axis * axis.transpose() - Eigen::Matrix3d::Identity();
+  };
+  return half_turn(middle) * half_turn(a);
 }
 
 }  // namespace io

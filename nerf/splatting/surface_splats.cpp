@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "io/scene/decomposition.h"
 #include "nerf/splatting/point_spacing.h"
 
 namespace nerf {
@@ -60,8 +61,7 @@ Splats SplatsOn(const std::vector<SurfacePoint>& unordered) {
     const double footprint = point.footprint;
     const double sigma =
         kSigmaPerSpacing * std::clamp(spacing[i] / footprint, kMinSpacing, kMaxSpacing) * footprint;
-    const auto turn =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), point.normal.cast<double>());
+    const Eigen::Quaterniond turn(io::RotationBetween(Eigen::Vector3d::UnitZ(), point.normal.cast<double>()));
     using Row = Eigen::Map<Eigen::Vector3f>;
     Row(&splats.places[3 * i]) = point.position;
     Row(&splats.log_scales[3 * i]) =

@@ -33,7 +33,7 @@ const std::vector<Stage>& Stages() {
       {"normalize", {"--poses", "POSES", "--image-size=0"}},
       {"train", {"--steps=20", "--batch=1024", "--grid-resolution=64", "--threads=2"}},
       {"evaluate", {"--threads=3"}},
-      {"render", {"--frames=4", "--size=16"}},
+      {"render", {"--path", "PATH", "--size=16"}},
       {"report", {}}};
   return stages;
 }
@@ -95,11 +95,20 @@ std::string Difference(const Files& a, const Files& b) {
   return "";
 }
 
+// Four views of the scene: finding a path takes longer than all else of a small film, and writes nothing.
+std::string CameraPath() {
+  const std::string view =
+      R"({"camera_to_world": [0,0,1,4, 1,0,0,0, 0,1,0,0, 0,0,0,1], "fov": 50, "aspect": 1})";
+  return R"({"render_width": 16, "render_height": 16, "fps": 4, "seconds": 1, "camera_path": [)" + view +
+         "," + view + "," + view + "," + view + "]}";
+}
+
 class FaultRuns : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     dir_ = std::make_unique<TempDir>();
     tests::WriteLearnableViews(*dir_ / "capture");
+    WriteText(*dir_ / "path.json", CameraPath());
   }
   static void TearDownTestSuite() { dir_.reset(); }
 
@@ -112,6 +121,7 @@ class FaultRuns : public testing::Test {
     for (std::string option : stage.options) {
       if (option == "IMAGES") option = *dir_ / "capture/images";
       if (option == "POSES") option = *dir_ / "capture/transforms.json";
+      if (option == "PATH") option = *dir_ / "path.json";
       command.push_back(option);
     }
     command.insert(command.end(), {"--out", Run()});

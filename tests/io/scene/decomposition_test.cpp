@@ -42,11 +42,18 @@ TEST(Decomposition, TheNearestRotationIgnoresStretchAndNeverMirrors) {
 
 TEST(Decomposition, ARotationTurnsOneDirectionToAnother) {
   const Vector3d from(0.3, -2, 1);
-  for (const Vector3d& to : {Vector3d(0, 0, 1), Vector3d(5, 1, 0), from, Vector3d(-from)}) {
+  const Vector3d across = from.cross(Vector3d::UnitX()), nearly = -from + 1e-8 * across,
+                 hardly = -from + 1e-7 * across;
+  for (const Vector3d& to : {Vector3d(0, 0, 1), Vector3d(5, 1, 0), from, Vector3d(-from), nearly, hardly}) {
     const Matrix3d rotation = io::RotationBetween(from, to);
     ExpectRotation(rotation);
     EXPECT_LT((rotation * from.normalized() - to.normalized()).norm(), 1e-7);
   }
+}
+
+TEST(Decomposition, TheRotationBetweenTwoDirectionsIsTheSmallest) {
+  const Vector3d from(0.3, -2, 1), to(5, 1, 0), axis = from.cross(to);
+  EXPECT_LT((io::RotationBetween(from, to) * axis - axis).norm(), kExact * axis.norm());
 }
 
 }  // namespace

@@ -1,7 +1,8 @@
 // The hand-written gradient of a whole training shard of the `hash` field - marched rays, grid, networks,
 // compositing, loss - against LibTorch's automatic one of the same equations in double.
+#include <ATen/ATen.h>
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/csrc/autograd/autograd.h>
 
 #include "io/base/random.h"
 #include "nerf/fields/hash_field.h"
@@ -30,15 +31,15 @@ struct Case {
 };
 
 at::Tensor Parameter(std::span<const float> values) {
-  return torch::from_blob(const_cast<float*>(values.data()), {static_cast<std::int64_t>(values.size())})
-      .to(torch::kDouble)
+  return at::from_blob(const_cast<float*>(values.data()), {static_cast<std::int64_t>(values.size())})
+      .to(at::kDouble)
       .clone()
       .requires_grad_(true);
 }
 
 at::Tensor Doubles(const std::vector<double>& values) {
-  return torch::from_blob(
-             const_cast<double*>(values.data()), {static_cast<std::int64_t>(values.size())}, torch::kDouble)
+  return at::from_blob(
+             const_cast<double*>(values.data()), {static_cast<std::int64_t>(values.size())}, at::kDouble)
       .clone();
 }
 
@@ -62,11 +63,11 @@ at::Tensor Encode(const std::vector<kernels::GridLevel>& levels,
       }
     }
     const at::Tensor index =
-        torch::from_blob(entries.data(), {static_cast<std::int64_t>(entries.size())}, torch::kLong);
+        at::from_blob(entries.data(), {static_cast<std::int64_t>(entries.size())}, at::kLong);
     const at::Tensor corners = table.view({-1, kernels::kFeatures}).index_select(0, index.clone());
     features.push_back((corners * Doubles(weights).unsqueeze(1)).view({-1, 8, kernels::kFeatures}).sum(1));
   }
-  return torch::cat(features, 1);
+  return at::cat(features, 1);
 }
 
 struct Outputs {
@@ -80,17 +81,17 @@ Outputs Network(const at::Tensor& features, const at::Tensor& harmonics, const a
     at += inputs * outputs;
     return w;
   };
-  const at::Tensor out = torch::relu(features.mm(layer(32, 64))).mm(layer(64, 16));
-  const at::Tensor first = torch::relu(torch::cat({out, harmonics}, 1).mm(layer(32, 64)));
-  const at::Tensor second = torch::relu(first.mm(layer(64, 64)));
-  const at::Tensor rgb = torch::sigmoid(second.mm(layer(3, 64).view({3, 64}).t()));
-  return {torch::exp(out.select(1, 0) + HashNetwork<float>::kDensityBias), rgb};
+  const at::Tensor out = at::relu(features.mm(layer(32, 64))).mm(layer(64, 16));
+  const at::Tensor first = at::relu(at::cat({out, harmonics}, 1).mm(layer(32, 64)));
+  const at::Tensor second = at::relu(first.mm(layer(64, 64)));
+  const at::Tensor rgb = at::sigmoid(second.mm(layer(3, 64).view({3, 64}).t()));
+  return {at::exp(out.select(1, 0) + HashNetwork<float>::kDensityBias), rgb};
 }
 
 // The squared error's mean over all backgrounds in [0, 1], with the moments 1/2 and 1/3.
 at::Tensor Loss(const PixelTarget& target, const at::Tensor& colour, const at::Tensor& transmittance) {
   const at::Tensor leak = transmittance - (1 - double{target.alpha});
-  at::Tensor loss = torch::zeros({}, torch::kDouble);
+  at::Tensor loss = at::zeros({}, at::kDouble);
   for (int j = 0; j < 3; ++j) {
     const at::Tensor error = colour[j] - double{target.premultiplied[j]};
     loss = loss + 0.5 * (error * error + error * leak + leak * leak / 3);
@@ -175,16 +176,16 @@ class HashGradientTest : public testing::Test {
     std::vector<double> ends(deltas.size());  // 30 at infinity, where light ends whatever the density is
     for (std::size_t i = 0; i < ends.size(); ++i) ends[i] = std::isinf(samples.t[i]) ? 30 : 0;
     const at::Tensor tau = outputs.sigma * Doubles(deltas) + Doubles(ends);
-    at::Tensor loss = torch::zeros({}, torch::kDouble);
+    at::Tensor loss = at::zeros({}, at::kDouble);
     std::int64_t first = 0;
     at::Tensor pixel_colour, pixel_transmittance;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       const BatchRay& ray = rays[r];
       const at::Tensor own = tau.narrow(0, first, n_samples(r)), depth = own.cumsum(0);
-      const at::Tensor weights = torch::exp(own - depth) * (1 - torch::exp(-own));
+      const at::Tensor weights = at::exp(own - depth) * (1 - at::exp(-own));
       const at::Tensor colour =
           weights.matmul(outputs.rgb.narrow(0, first, n_samples(r))) / c.samples_per_pixel;
-      const at::Tensor transmittance = torch::exp(-own.sum()) / c.samples_per_pixel;
+      const at::Tensor transmittance = at::exp(-own.sum()) / c.samples_per_pixel;
       loss = loss + Distortion(weights, static_cast<std::size_t>(first)) * double{c.distortion} /
                         c.samples_per_pixel;
       if (ray.depth > 0)

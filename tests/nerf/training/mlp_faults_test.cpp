@@ -175,16 +175,6 @@ TEST(MlpFaults, EverySeedComesAliveOnASceneThatIsMostlyWhite) {
     std::printf("softplus, seed %d: 5 dB after %d steps\n", static_cast<int>(seed), steps);
     EXPECT_LT(steps, 300) << "seed " << seed;
   }
-  // The negative control is for the reader: how often it fails depends on the seeds.
-  options.field.mlp.density = DensityActivation::kRelu;
-  options.field.mlp.initialisation = Initialisation::kUniform;
-  for (const std::uint64_t seed : {1u, 2u}) {
-    const int steps = StepsToFiveDb(scene, options, seed);
-    std::printf("ReLU, seed %d: 5 dB %s %d steps\n",
-                static_cast<int>(seed),
-                steps < 300 ? "after" : "not within",
-                steps);
-  }
 }
 
 }  // namespace
