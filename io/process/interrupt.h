@@ -16,6 +16,17 @@ int PendingInterrupt();
 // Throws io::Interrupted when a signal is pending.
 void ThrowIfInterrupted();
 
+// For calls into libraries that nothing can interrupt. While one lives, a signal after which the process
+// still runs two seconds later ends it as a kill would, with the exit code of a clean stop; so it may stand
+// only where a kill loses nothing. One at a time counts for all threads.
+class PromptStop {
+ public:
+  PromptStop();
+  ~PromptStop();
+  PromptStop(const PromptStop&) = delete;
+  PromptStop& operator=(const PromptStop&) = delete;
+};
+
 // Asks for the same clean stop, for a reason that is no signal; any thread may. The first reason counts.
 void StopBecause(const Error& reason);
 std::optional<Error> StopReason();

@@ -103,7 +103,10 @@ class Solver {
     Watch watch(options);
     ceres_options.callbacks = {&watch};
     ceres::Solver::Summary summary;
-    ceres::Solve(ceres_options, &problem_, &summary);
+    {
+      const io::PromptStop stop;  // an iteration with a thousand pictures takes many seconds
+      ceres::Solve(ceres_options, &problem_, &summary);
+    }
     io::ThrowIfInterrupted();
     watch.Finish();
     for (std::size_t i = 0; i < lens_owners_.size(); ++i) {

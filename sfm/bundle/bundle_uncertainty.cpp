@@ -4,6 +4,7 @@
 #include <limits>
 #include <numbers>
 
+#include "io/process/interrupt.h"
 #include "io/scene/decomposition.h"
 #include "sfm/bundle/bundle_state.h"
 
@@ -264,6 +265,7 @@ class ReducedSystem {
 BundleUncertainty EstimateUncertainty(const io::ColmapModel& model,
                                       const std::vector<FreeIntrinsics>& free,
                                       bool with_poses) {
+  const io::PromptStop stop;  // for a thousand pictures, the factorisation takes many seconds
   return ReducedSystem(model, free).Solve(with_poses);
 }
 
