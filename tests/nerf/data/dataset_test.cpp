@@ -42,6 +42,14 @@ TEST(Dataset, KeepsStraightAlphaByteForByte) {
   EXPECT_EQ(dataset.pixels, image.data);
 }
 
+TEST(Dataset, PicturesOfAnotherSizeThanTheirCameraAreNamed) {
+  const TempDir dir;
+  io::WriteImage(dir / "a.png", GradedAlpha());
+  EXPECT_ERROR(LoadDataset(SceneOf({dir / "a.png"}, 16, 8), 1),
+               io::ExitCode::kBadInput,
+               "a.png: is 16x16, its camera 16x8");
+}
+
 TEST(Dataset, DropsAlphaOnlyWhereItIsOpaqueEverywhere) {
   const TempDir dir;
   io::Image opaque = io::MakeImage(8, 4, 4), rgb = io::MakeImage(8, 4, 3);

@@ -3,8 +3,11 @@
 
 #include <sys/stat.h>
 
+#include "io/base/error.h"
 #include "io/image/image.h"
+#include "pipeline/ingest/picture_source.h"
 #include "tests/support/files/ingest_fixture.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 
@@ -129,6 +132,7 @@ TEST_F(Ingest, UnusableInputsEndWithTheDocumentedCode) {
   EXPECT_EQ(Run(photos()), 3);
   EXPECT_TRUE(Says("a.jpg"));
   EXPECT_EQ(Run(photos() / "a.jpg"), 3);
+  EXPECT_TRUE(Says("neither a picture nor a video")) << message_;
   WriteBytes(photos() / "clip.mp4", "ffconcat version 1.0\nfile x.mp4\n");
   EXPECT_EQ(Run(photos() / "clip.mp4"), 3);
   fs::remove_all(photos());
@@ -211,6 +215,14 @@ TEST_F(Ingest, AFolderWithOneVideoIsThatVideo) {
   EXPECT_TRUE(frames_["kept"][0].contains("time_s"));
   fs::copy(photos() / "clip.avi", photos() / "clip2.avi");
   EXPECT_EQ(Run(photos()), 3);
+  EXPECT_TRUE(Says("2 videos and no photo")) << message_;
+}
+
+TEST_F(Ingest, FramesBehindTheEndOfAVideoAreNamed) {
+  const fs::path clip =
+      WriteVideo(20, [&](int i) { return texture_(cv::Rect(6 * i, 20, kWidth, kHeight)).clone(); });
+  EXPECT_EQ(Run(clip, {"--frames", "50:60"}), 3);
+  EXPECT_TRUE(Says("20 frames can be decoded, none from frame 50 on")) << message_;
 }
 
 TEST(PictureSelection, DropsAtMostThirtyPercentAsBlurred) {
@@ -244,6 +256,14 @@ TEST(PictureSelection, FrameStepsHaveEqualLength) {
     ++n_kept;
   }
   EXPECT_EQ(n_kept, 30);
+}
+
+TEST(PictureSource, WhatIsNoFileOrTooLargeIsNotRead) {
+  const TempDir dir;
+  EXPECT_ERROR(pipeline::ReadPictureFile(dir.path()), io::ExitCode::kBadInput, "not a regular file");
+  WriteText(dir / "huge.jpg", "");
+  fs::resize_file(dir / "huge.jpg", (std::uintmax_t{1} << 30) + 1);  // without data on disk
+  EXPECT_ERROR(pipeline::ReadPictureFile(dir / "huge.jpg"), io::ExitCode::kBadInput, "larger than 1 GiB");
 }
 
 TEST(PictureSource, PrintableNamesAreValidUtf8) {

@@ -61,6 +61,14 @@ TEST_F(IngestMasks, AreWrittenBesideTheirPicturesAtTheirSize) {
   EXPECT_EQ(frames_["kept"].size(), 8u);
 }
 
+TEST_F(IngestMasks, AVideoIsNoMask) {
+  WritePhotos(8);
+  fs::create_directories(masks());
+  fs::rename(WriteVideo(5, [&](int i) { return View(i); }), masks() / "clip.avi");
+  EXPECT_EQ(RunMasked(), 3);
+  EXPECT_TRUE(Says("holds a video, not masks")) << message_;
+}
+
 TEST_F(IngestMasks, OfDroppedPicturesAreDroppedToo) {
   WritePhotos(6);
   WritePhoto("img3b.jpg", View(3) + cv::Scalar::all(1));

@@ -54,6 +54,11 @@ TEST(Frames, WrittenOnesComeBack) {
   EXPECT_EQ(read.dropped[0].reason, written.dropped[0].reason);
 }
 
+TEST(Frames, WithoutAFileTheStageThatMakesItIsNamed) {
+  const TempDir dir;
+  EXPECT_ERROR(pipeline::ReadFrames(dir / "frames.json"), ExitCode::kBadInput, "Run pipeline ingest first");
+}
+
 TEST(Frames, DamageIsNamedByFileAndPlace) {
   const TempDir dir;
   const auto path = dir / "frames.json";

@@ -276,6 +276,14 @@ TEST(Options, OptionsOfOthersKeepFieldRuleAndHelp) {
             std::string::npos);
 }
 
+TEST(Options, DecibelsAreReadWithAndWithoutTheirUnit) {
+  EXPECT_EQ(pipeline::ParseDecibels("target", "30"), 30);
+  EXPECT_EQ(pipeline::ParseDecibels("target", "28.5dB"), 28.5);
+  for (const char* text : {"", "dB", "0", "-3dB", "100dB", "30m", "nan"})
+    EXPECT_ERROR(
+        pipeline::ParseDecibels("target", text), ExitCode::kUsage, "--target: '" + std::string(text) + "'");
+}
+
 TEST(Options, DurationsAndNearestNames) {
   EXPECT_EQ(pipeline::ParseDuration("time", "90"), 90);
   EXPECT_EQ(pipeline::ParseDuration("time", "20s"), 20);

@@ -305,6 +305,19 @@ TEST(FolderLock, SecondOwnerIsRefusedUntilTheFirstIsGone) {
   const FolderLock after_kill(dir / "killed", "stage");  // a dead owner does not count
 }
 
+TEST(FolderLock, ALinkInItsPlaceIsNotFollowed) {
+  const TempDir dir;
+  WriteText(dir / "notes.txt", "of the user");
+  { const FolderLock claims(dir / "run", "other"); }
+  fs::create_symlink(dir / "notes.txt", dir / "run/.stage.lock");
+  EXPECT_ERROR(FolderLock(dir / "run", "stage"), ExitCode::kNoResources, ".stage.lock: cannot be locked");
+  EXPECT_EQ(ReadText(dir / "notes.txt"), "of the user");
+}
+
+TEST(StageTable, AProgramThatIsNotThereIsNamed) {
+  EXPECT_ERROR(pipeline::ProgramOf("nothing"), ExitCode::kMissingTool, "pipeline-nothing: is missing");
+}
+
 TEST(RunRecord, MembersAndStagesAreMerged) {
   const TempDir dir;
   fs::create_directory(dir / "run");
