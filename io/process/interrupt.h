@@ -18,7 +18,7 @@ void ThrowIfInterrupted();
 
 // For calls into libraries that nothing can interrupt. While one lives, a signal after which the process
 // still runs two seconds later ends it as a kill would, with the exit code of a clean stop; so it may stand
-// only where a kill loses nothing. One at a time counts for all threads.
+// only where a kill loses nothing. It holds for the whole process, whichever thread made it.
 class PromptStop {
  public:
   PromptStop();

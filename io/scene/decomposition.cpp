@@ -8,7 +8,8 @@
 namespace io {
 namespace {
 
-// Unit vectors with a shorter sum count as opposite: rounding would turn it by as much as that is wrong.
+// Unit vectors whose sum is shorter count as opposite. That is off by at most this, and so would be the
+// direction of a sum that short, by rounding.
 constexpr double kOpposite = 1e-8;
 
 }  // namespace
