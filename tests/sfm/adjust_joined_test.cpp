@@ -12,14 +12,14 @@
 
 namespace {
 
-// Two turns around a ball; each picture matches the three that follow it.
+// Two turns around a ball; each picture matches the five that follow it.
 sfm::SyntheticCapture Spiral() {
   return sfm::MakeSyntheticCapture({.trajectory = sfm::Trajectory::kSpiral,
                                     .pictures = 30,
                                     .points = 200,
                                     .noise_px = 0.3,
                                     .graph = sfm::MatchGraph::kChain,
-                                    .chain_overlap = 3,
+                                    .chain_overlap = 5,
                                     .seed = 2});
 }
 

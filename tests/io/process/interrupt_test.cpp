@@ -1,3 +1,4 @@
+// A signal ends what no call can interrupt within seconds, and leaves alone what reacts to it.
 #include "io/process/interrupt.h"
 
 #include <gtest/gtest.h>
