@@ -8,4 +8,4 @@ source samples/install.sh
 install_packages "$root" tests/packages.txt
 cmake --preset fuzz
 cmake --build --preset fuzz
-ctest --preset fuzz -j2
+ctest --preset fuzz -j "$(($(nproc) + 1))"
