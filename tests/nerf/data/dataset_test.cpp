@@ -50,6 +50,15 @@ TEST(Dataset, PicturesOfAnotherSizeThanTheirCameraAreNamed) {
                "a.png: is 16x16, its camera 16x8");
 }
 
+TEST(Dataset, NoPicturesAndMoreThanCanBeCountedAreRefused) {
+  EXPECT_ERROR(LayOutDataset(SceneOf({}, 16, 16), 1, 0.5), io::ExitCode::kBadInput, "no pictures");
+  EXPECT_ERROR(StoredChannels(SceneOf({}, 16, 16)), io::ExitCode::kBadInput, "no pictures");
+  const std::vector<std::filesystem::path> many(43, "a.png");
+  EXPECT_ERROR(LayOutDataset(SceneOf(many, 10'000, 10'000), 1, 0.5),
+               io::ExitCode::kBadInput,
+               "4300 million pixels; the limit is 4294");
+}
+
 TEST(Dataset, DropsAlphaOnlyWhereItIsOpaqueEverywhere) {
   const TempDir dir;
   io::Image opaque = io::MakeImage(8, 4, 4), rgb = io::MakeImage(8, 4, 3);

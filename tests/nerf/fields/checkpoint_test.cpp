@@ -1,4 +1,5 @@
-// A checkpoint whose header holds values of another type or size, under a right hash, is refused by name.
+// What a checkpoint holds comes back; one that is damaged, or whose header holds values of another type or
+// size under a right hash, is refused by name.
 #include "nerf/fields/checkpoint.h"
 
 #include <cstring>
@@ -26,8 +27,8 @@ struct Parts {
     header = Json::parse(file.substr(kHeaderAt, length));
     tensors = file.substr(kHeaderAt + length);
   }
-  std::string With(const Json& other) const {
-    const std::string text = other.dump();
+  std::string With(const Json& other) const { return WithText(other.dump()); }
+  std::string WithText(const std::string& text) const {
     const auto length = static_cast<std::uint32_t>(text.size());
     std::string file = magic;
     file.append(reinterpret_cast<const char*>(&length), kHashAt - kLengthAt);
@@ -37,6 +38,18 @@ struct Parts {
   std::string magic, tensors;
   Json header;
 };
+
+// "accepted", or the refusal.
+std::string VerdictOn(const std::filesystem::path& path) {
+  TrainState state;
+  try {
+    ReadCheckpoint(path, &state);
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.code(), io::ExitCode::kBadState) << error.what();
+    return error.what();
+  }
+  return "accepted";
+}
 
 // Reads the file; what is thrown must be a refusal that names it.
 void ReadOrRefuse(const std::filesystem::path& path, const std::string& what) {
@@ -95,6 +108,72 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
     }
   }
   EXPECT_GT(n_tried, 500);
+}
+
+TEST(CheckpointHeader, WhatIsRefusedIsNamed) {
+  const TempDir dir;
+  const std::filesystem::path path = dir / "checkpoint.bin";
+  SceneField scene_field = tests::SmallField();
+  WriteCheckpoint(path, &scene_field, {});
+  const Parts parts(ReadText(path));
+  const struct {
+    const char* place;
+    Json value;
+    std::string words;
+  } cases[] = {
+      {"/field", "x", "unknown kind 'x'"},
+      {"/state/step", 1.5, "step is not a whole number"},
+      {"/pixel_rays", 2, "pixel_rays is not a square number"},
+      {"/step_scale", 0, "step_scale is out of range"},
+      {"/tensors/0/name", "x", "has another size"},
+      {"/tensors/0/bytes", 1, "has another size"},
+      {"/tensors/0/hash", "x", "hash of tensor"},
+  };
+  for (const auto& [place, value, words] : cases) {
+    Json header = parts.header;
+    header[Json::json_pointer(place)] = value;
+    WriteText(path, parts.With(header));
+    EXPECT_NE(VerdictOn(path).find(words), std::string::npos) << place << ": " << VerdictOn(path);
+  }
+  Json without = parts.header;
+  without.erase("config");
+  WriteText(path, parts.With(without));
+  EXPECT_NE(VerdictOn(path).find("lacks config"), std::string::npos) << VerdictOn(path);
+  for (const char* text : {"{", "7"}) {
+    WriteText(path, parts.WithText(text));
+    EXPECT_NE(VerdictOn(path).find("header is not JSON"), std::string::npos) << VerdictOn(path);
+  }
+}
+
+TEST(Checkpoint, EveryDamageIsRejectedByName) {
+  const TempDir dir;
+  const std::filesystem::path path = dir / "checkpoint.bin";
+  SceneField scene_field = tests::SmallField();
+  WriteCheckpoint(path, &scene_field, {});
+  const std::string good = ReadText(path);
+  const auto verdict = [&](const std::string& bytes) {
+    WriteText(path, bytes);
+    return VerdictOn(path);
+  };
+  EXPECT_EQ(verdict(good), "accepted");
+  EXPECT_NE(verdict("").find("not a checkpoint"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, 30)).find("not a checkpoint"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, 100)).find("cut off in its header"), std::string::npos);
+  EXPECT_NE(verdict(good.substr(0, good.size() - 1)).find("cut off in tensor"), std::string::npos);
+  EXPECT_NE(verdict(good + "x").find("after its last"), std::string::npos);
+  std::string other_version = good;
+  ++other_version[kLengthAt - 1];
+  EXPECT_NE(verdict(other_version).find("not a checkpoint of this version"), std::string::npos);
+  std::string other_header = good;
+  other_header[kHeaderAt + 3] ^= 0x10;
+  EXPECT_NE(verdict(other_header).find("header hash differs"), std::string::npos);
+  int flipped = 0;
+  for (std::size_t at = 0; at < good.size(); at += good.size() / 60, ++flipped) {
+    std::string bad = good;
+    bad[at] = static_cast<char>(bad[at] ^ 0x10);
+    EXPECT_NE(verdict(bad), "accepted") << "flipped byte " << at;
+  }
+  EXPECT_GE(flipped, 60);
 }
 
 TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {

@@ -215,44 +215,5 @@ TEST(Trainer, PicturesHaveTheRaysPerPixelOfTraining) {
   }
 }
 
-TEST(Checkpoint, EveryDamageIsRejectedByName) {
-  const TempDir dir;
-  const io::Scene train = MakeScene(dir.path(), 4, 0);
-  Train(train, {}, SmallOptions(3), dir.path());
-  const std::string good = io::ReadFile(dir.path() / "checkpoint.bin");
-  const auto verdict = [&](const std::string& bytes) {
-    io::WriteFileAtomically(dir.path() / "bad.bin", bytes);
-    try {
-      TrainedField::Load(dir.path() / "bad.bin");
-    } catch (const io::Error& error) {
-      EXPECT_EQ(error.code(), io::ExitCode::kBadState);
-      return std::string(error.what());
-    }
-    return std::string("accepted");
-  };
-  EXPECT_EQ(verdict(good), "accepted");
-  EXPECT_NE(verdict("").find("not a checkpoint"), std::string::npos);
-  EXPECT_NE(verdict(good.substr(0, 30)).find("not a checkpoint"), std::string::npos);
-  EXPECT_NE(verdict(good.substr(0, 100)).find("cut off"), std::string::npos);
-  EXPECT_NE(verdict(good.substr(0, good.size() - 1)).find("cut off"), std::string::npos);
-  EXPECT_NE(verdict(good + "x").find("after its last"), std::string::npos);
-  int flipped = 0;
-  for (std::size_t at = 0; at < good.size(); at += good.size() / 60, ++flipped) {
-    std::string bad = good;
-    bad[at] = static_cast<char>(bad[at] ^ 0x10);
-    EXPECT_NE(verdict(bad), "accepted") << "flipped byte " << at;
-  }
-  EXPECT_GE(flipped, 60);
-  TrainState state;
-  const auto scene_field = ReadCheckpoint(dir.path() / "checkpoint.bin", &state);
-  scene_field->samples_per_pixel = 2;
-  WriteCheckpoint(dir.path() / "two_rays.bin", scene_field.get(), state);
-  EXPECT_NE(verdict(io::ReadFile(dir.path() / "two_rays.bin")).find("pixel_rays"), std::string::npos);
-  scene_field->samples_per_pixel = 1;
-  scene_field->step_scale = 0;
-  WriteCheckpoint(dir.path() / "no_step.bin", scene_field.get(), state);
-  EXPECT_NE(verdict(io::ReadFile(dir.path() / "no_step.bin")).find("step_scale"), std::string::npos);
-}
-
 }  // namespace
 }  // namespace nerf

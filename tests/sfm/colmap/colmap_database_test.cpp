@@ -193,6 +193,10 @@ TEST(ColmapDatabase, PairsOfUnchangedPicturesAreTakenOver) {
   ASSERT_EQ(pairs.size(), 1u);
   EXPECT_EQ(pairs[0].name_a + pairs[0].name_b, "a.pngb.png");
   EXPECT_EQ(Query(to, "SELECT pair_id FROM matches"), "2147483649;4294967297;");
+  Query(to, "DELETE FROM images WHERE name = 'b.png'");
+  EXPECT_ERROR(sfm::CopyPairs(from, to, [](const std::string&, const std::string&) { return false; }),
+               io::ExitCode::kBadState,
+               "missing image");
 }
 
 TEST(ColmapDatabase, WhatIsNoDatabaseIsRefused) {

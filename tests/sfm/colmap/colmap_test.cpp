@@ -51,6 +51,13 @@ TEST_F(ColmapDriver, ACrashIsReportedWithTheLastLines) {
   EXPECT_NE(message.find("the last words"), std::string::npos) << message;
 }
 
+TEST_F(ColmapDriver, OneThatCrashesWhenAskedForHelpIsNamed) {
+  const fs::path program = folder_ / "colmap";
+  std::ofstream(program) << "#!/bin/sh\nkill -SEGV $$\n";
+  fs::permissions(program, fs::perms::owner_all);
+  EXPECT_NE(ErrorOf([&] { Make(); }, io::ExitCode::kMissingTool).find("-h' crashed"), std::string::npos);
+}
+
 // Or products of its matrix library would depend on the number of cores.
 TEST_F(ColmapDriver, ItWorksWithOneThreadOnAnyNumberOfCores) {
   Install("echo threads: $OMP_NUM_THREADS; kill -SEGV $$");

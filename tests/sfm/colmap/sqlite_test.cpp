@@ -33,4 +33,18 @@ TEST(Sqlite, NoRoomIsNoFaultOfTheDatabase) {
   EXPECT_EQ(WEXITSTATUS(status), static_cast<int>(io::ExitCode::kNoResources));
 }
 
+TEST(Sqlite, AFaultAmongTheRowsIsNotTheirEnd) {
+  const TempDir dir;
+  WriteText(dir / "a.db", "");
+  const sfm::SqliteConnection database(dir / "a.db");
+  database.Execute("CREATE TABLE t (n INTEGER)");
+  database.Execute("INSERT INTO t VALUES (1), (-9223372036854775808)");
+  int n_rows = 0;
+  // The smallest integer has no absolute value.
+  EXPECT_ERROR(database.ForEachRow("SELECT abs(n) FROM t", [&](sqlite3_stmt*) { ++n_rows; }),
+               io::ExitCode::kBadState,
+               "integer overflow");
+  EXPECT_EQ(n_rows, 1);
+}
+
 }  // namespace
