@@ -13,6 +13,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/image/image.h"
+#include "tests/support/files/temp_dir.h"
 #include "tests/support/programs/require_program.h"
 
 namespace {
@@ -138,6 +139,15 @@ TEST_F(FakeEncoder, SuccessWithoutAFilmIsNotBelieved) {
   } catch (const io::Error& error) {
     EXPECT_EQ(error.code(), io::ExitCode::kMissingTool);
   }
+}
+
+TEST_F(FakeEncoder, AMissingProgramIsNamedWithItsPackage) {
+  Install("");
+  fs::remove(folder_ / "bin" / "ffmpeg");
+  EXPECT_ERROR(io::ProbeVideoEncoder(64, 64, folder_),
+               io::ExitCode::kMissingTool,
+               "ffmpeg is not on PATH",
+               "apt-get install ffmpeg");
 }
 
 TEST_F(FakeEncoder, WithoutH264AnotherCodecIsChosenAndSaid) {

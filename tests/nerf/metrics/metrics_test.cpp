@@ -11,6 +11,7 @@
 
 #include "io/base/error.h"
 #include "nerf/metrics/flip.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace {
 
@@ -215,7 +216,9 @@ TEST(Ssim, AgreesWithTheDenseDefinition) {
 }
 
 TEST(Ssim, BelowElevenPixelsIsAnError) {
-  EXPECT_THROW(nerf::Ssim(Constant(10, 40, 1), Constant(10, 40, 1)), io::Error);
+  EXPECT_ERROR(nerf::Ssim(Constant(10, 40, 1), Constant(10, 40, 1)),
+               io::ExitCode::kBadInput,
+               "10x40 pixels is not defined");
   EXPECT_NO_THROW(nerf::Ssim(Constant(11, 40, 1), Constant(11, 40, 1)));
 }
 

@@ -328,6 +328,8 @@ TEST_F(Normalize, SfmStageGivesPicturesAndTheModelGivesTracks) {
 }
 
 TEST_F(Normalize, RefusesWithTheDocumentedCode) {
+  const char* without_out[] = {"pipeline-normalize"};
+  EXPECT_EQ(pipeline::RunNormalize(1, without_out), 2);
   EXPECT_EQ(Run({}), 3);  // no sfm/ yet
   EXPECT_EQ(Run({"--poses", (root_ / "nowhere").string()}), 3);
   EXPECT_EQ(Run({"--poses", root_.string(), "--holdout-every", "1"}), 2);

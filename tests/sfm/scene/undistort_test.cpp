@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <utility>
 
 #include "io/base/error.h"
 #include "io/image/image.h"
@@ -216,6 +217,16 @@ TEST_F(Undistort, FaultsAreNamed) {
   folding.k1 = -1.5;
   for (const char* part : {"k1 -1.5", "folds back"}) {
     EXPECT_NE(message(folding, "small.png").find(part), std::string::npos) << part;
+  }
+  io::Camera beside = camera;
+  beside.k1 = 0.01, beside.k2 = 0;
+  for (const double share : {-0.5, 1.5}) {
+    for (double* centre : {&beside.cx, &beside.cy}) {
+      const double kept = std::exchange(*centre, share * camera.width);
+      EXPECT_NE(message(beside, "small.png").find("principal point lies outside"), std::string::npos)
+          << share;
+      *centre = kept;
+    }
   }
 }
 
