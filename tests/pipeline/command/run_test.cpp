@@ -293,6 +293,8 @@ TEST_F(FakeStages, DoctorNamesWhatIsHereAndWhatIsMissing) {
   fs::create_symlink(BINARY_DIR "/bin/pipeline-export", dir_ / "bin/pipeline-export");
   EXPECT_EQ(Pipeline({"doctor"}), 0) << Output();
   EXPECT_EQ(OutputLines("export   meshes and other exports ("), 1) << Output();
+  EXPECT_EQ(Pipeline({"doctor", "--out", (dir_ / "absent").string()}), 3);
+  EXPECT_EQ(OutputLines("absent: No such file or directory"), 1) << Output();
   // Without a place to print to, files must not take that place.
   const std::string closed = (dir_ / "bin/pipeline").string() + " doctor >&- 2>&-";
   EXPECT_EQ(io::RunProcess({"/bin/sh", "-c", closed}, {.timeout_s = 20}).exit_code, 0);

@@ -67,8 +67,8 @@ class Ranks : public SmallCapture {
                                       "MASTER_PORT=" + std::to_string(port_),
                                       "PIPELINE_SIMD=" + kernels_[rank],
                                       Program(stage).string(),
-                                      "--out=" + run.string(),
                                       "--threads=1"};
+    if (!run.empty()) words.push_back("--out=" + run.string());
     words.insert(words.end(), options.begin(), options.end());
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());
@@ -202,10 +202,26 @@ TEST_F(Ranks, OtherOptionsAreRefused) {
   EXPECT_FALSE(fs::exists(run / "train"));
 }
 
+TEST_F(Ranks, TheOriginalNetworkTrainsOnOne) {
+  const fs::path run = Copy("run2");
+  const pid_t first = Start(0, 2, run, "train", {"--field=nerf"}),
+              second = Start(1, 2, run, "train", {"--field=nerf"});
+  EXPECT_EQ(ExitOf(first), static_cast<int>(ExitCode::kUsage)) << Said(0);
+  EXPECT_EQ(ExitOf(second), static_cast<int>(ExitCode::kUsage)) << Said(1);
+  EXPECT_THAT(Said(0), HasSubstr("--field nerf trains on one rank"));
+}
+
 TEST_F(Ranks, TheEnvironmentIsCheckedAndThePortNamed) {
   const fs::path run = Copy("run2");
   EXPECT_EQ(ExitOf(Start(2, 2, run, "train", {})), static_cast<int>(ExitCode::kUsage));
   EXPECT_THAT(Said(2), HasSubstr("RANK=2: no whole number from 0 to 1"));
+  EXPECT_EQ(ExitOf(Start(0, 2, "", "train", {})), static_cast<int>(ExitCode::kUsage));
+  EXPECT_THAT(Said(0), HasSubstr("--out DIR is missing"));
+  const io::ProcessReport report = io::RunProcess(
+      {"/usr/bin/env", "-u", "RANK", "WORLD_SIZE=2", Program("train").string(), "--out=" + run.string()},
+      {.timeout_s = 60, .log_path = Log(1)});
+  EXPECT_EQ(report.exit_code, static_cast<int>(ExitCode::kUsage));
+  EXPECT_THAT(Said(1), HasSubstr("RANK is not set"));
   const int fd = socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in address{
       .sin_family = AF_INET, .sin_port = htons(static_cast<std::uint16_t>(port_)), .sin_addr = {}};
