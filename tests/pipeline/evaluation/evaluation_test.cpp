@@ -247,7 +247,7 @@ TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {
   const fs::path render = folder_ / "renders" / "view \"3\".png";
   io::WriteImage(render, io::MakeImage(59, 44, 3));
   EXPECT_EQ(CodeOf(score), io::ExitCode::kBadInput);
-  EXPECT_NE(message_.find("59x44"), std::string::npos) << message_;
+  EXPECT_NE(message_.find("59x44 pixels, its truth has 60x44"), std::string::npos) << message_;
   fs::remove(render);
   EXPECT_EQ(CodeOf(score), io::ExitCode::kBadInput);
   EXPECT_NE(message_.find(render.string()), std::string::npos) << message_;
@@ -256,10 +256,17 @@ TEST_F(EvaluationTest, WhatCannotBeScoredIsAnError) {
   io::Scene empty = scene_;
   empty.frames.clear();
   EXPECT_EQ(CodeOf([&] { pipeline::ScoreViews(empty, folder_, {}); }), io::ExitCode::kBadInput);
+  EXPECT_NE(message_.find("no held-out view to score"), std::string::npos) << message_;
   io::Scene distorted = scene_;
   distorted.cameras[0].k1 = 0.1;
   EXPECT_EQ(CodeOf([&] { pipeline::RenderViews(SphereField(), distorted, folder_, 1); }),
             io::ExitCode::kBadInput);
+  io::Scene narrow = scene_;
+  narrow.cameras[0].width = 30;
+  fs::remove_all(folder_ / "renders");
+  EXPECT_EQ(CodeOf([&] { pipeline::RenderViews(SphereField(), narrow, folder_, 1); }),
+            io::ExitCode::kBadInput);
+  EXPECT_NE(message_.find("60x44 pixels, its camera has 30x44"), std::string::npos) << message_;
   io::Scene twins = scene_;
   twins.frames[1].image_path = twins.frames[0].image_path;
   EXPECT_EQ(CodeOf([&] { pipeline::RenderViews(SphereField(), twins, folder_, 1); }),
