@@ -62,7 +62,7 @@ inline ProjectedSplat ProjectSplat(const SplatCamera& camera, const SplatArrays<
   for (int c = 0; c < 3; ++c) {
     double value = 0.5;
     for (int k = 0; k < kSplatHarmonics; ++k) value += harmonics[k] * splat.colours[3 * k + c];
-    blended.rgb[c] = std::max(0.0, value);
+    blended.rgb[c] = std::max(value, 0.0);  // a NaN stays one
   }
   blended.max_distance_squared = std::max(0.0, 2 * std::log(blended.opacity / double{kMinSplatAlpha}));
   blended.reach_x = std::sqrt(blended.max_distance_squared * covariance[0]);

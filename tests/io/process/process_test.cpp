@@ -95,9 +95,12 @@ TEST(Process, ReportsExitCodesSignalsAndUse) {
   EXPECT_EQ(ReadText(dir / "log"), "/\ne\n");
 }
 
-TEST(Process, MissingProgramIsAMissingTool) {
+TEST(Process, WhatIsMissingIsNamed) {
   EXPECT_ERROR(RunProcess({"/nonexistent/colmap"}, {}), ExitCode::kMissingTool, "/nonexistent/colmap");
   EXPECT_ERROR(RunProcess({"/etc/passwd"}, {}), ExitCode::kMissingTool, "/etc/passwd");
+  EXPECT_ERROR(RunProcess({"/bin/true"}, {.log_path = "/nonexistent/log"}),
+               ExitCode::kNoResources,
+               "/nonexistent/log: cannot be created");
   EXPECT_FALSE(io::FindProgram("no-such-program").has_value());
   EXPECT_TRUE(io::FindProgram("sh")->is_absolute());
 }

@@ -286,25 +286,5 @@ TEST(Compositing, PicturesAreCompositedToTheNearestLevelForEveryAlpha) {
   EXPECT_LT(std::fabs(bias / count), 0.01);
 }
 
-// Distances along a ray are scene units whatever the focal length, so lengths need no factor.
-TEST(RayCamera, DirectionsAreUnitVectorsForAnyFocalLength) {
-  io::Rigid3d world_from_cam;
-  world_from_cam.rotation = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-  for (const double scale : {0.1, 0.3, 1.0, 3.0, 10.0}) {
-    io::Camera camera;
-    camera.width = 64, camera.height = 48;
-    camera.fl_x = 64 * scale, camera.fl_y = 50 * scale;
-    camera.cx = 31, camera.cy = 25;
-    const RayCamera rays(camera, world_from_cam);
-    for (int y = 0; y < 48; y += 47) {
-      for (int x = 0; x < 64; x += 7) {
-        double squared = 0;
-        for (const float d : rays.RayThrough(x, y).direction) squared += double{d} * double{d};
-        EXPECT_NEAR(std::sqrt(squared), 1, 1e-6) << scale;
-      }
-    }
-  }
-}
-
 }  // namespace
 }  // namespace nerf

@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <limits>
 
+#include "io/base/error.h"
 #include "nerf/splatting/plain_rasteriser.h"
+#include "tests/support/files/temp_dir.h"
 #include "tests/support/scenes/some_splats.h"
 
 namespace nerf {
@@ -111,6 +114,14 @@ TEST_F(SplatOptimizer, WithNothingToDoNothingChanges) {
 }
 
 // A small splat in the middle of pictures that are white throughout.
+TEST_F(SplatOptimizer, AnErrorThatIsNotFiniteEndsTheFit) {
+  Splats splats = moved_;
+  std::fill(splats.colours.begin(), splats.colours.end(), std::numeric_limits<float>::quiet_NaN());
+  EXPECT_ERROR(OptimizeSplats(targets_, {.steps = 5}, &splats),
+               io::ExitCode::kNumeric,
+               "the error of step 0 is not finite");
+}
+
 TEST(SplatSizes, GrowTenfoldAtMost) {
   Splats splats;
   splats.resize(1);
