@@ -174,6 +174,10 @@ TEST(Checkpoint, EveryDamageIsRejectedByName) {
     EXPECT_NE(verdict(bad), "accepted") << "flipped byte " << at;
   }
   EXPECT_GE(flipped, 60);
+  WriteText(path, good);
+  std::filesystem::resize_file(path, (std::uintmax_t{8} << 30) + 1);
+  TrainState state;
+  EXPECT_ERROR(ReadCheckpoint(path, &state), io::ExitCode::kBadInput, "larger than 8589934592 bytes");
 }
 
 TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
