@@ -113,7 +113,6 @@ TEST_F(SplatOptimizer, WithNothingToDoNothingChanges) {
   EXPECT_EQ(none.size(), 0u);
 }
 
-// A small splat in the middle of pictures that are white throughout.
 TEST_F(SplatOptimizer, AnErrorThatIsNotFiniteEndsTheFit) {
   Splats splats = moved_;
   std::fill(splats.colours.begin(), splats.colours.end(), std::numeric_limits<float>::quiet_NaN());
@@ -122,6 +121,7 @@ TEST_F(SplatOptimizer, AnErrorThatIsNotFiniteEndsTheFit) {
                "the error of step 0 is not finite");
 }
 
+// A small splat in the middle of pictures that are white throughout.
 TEST(SplatSizes, GrowTenfoldAtMost) {
   Splats splats;
   splats.resize(1);

@@ -7,8 +7,6 @@
 #include <fstream>
 #include <set>
 
-#include "io/base/atomic_file.h"
-#include "io/base/error.h"
 #include "io/base/hash.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/trained_field.h"
