@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "io/scene/transforms.h"
