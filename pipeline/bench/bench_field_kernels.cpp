@@ -155,11 +155,10 @@ int RunBenchKernels(int argc, const char* const* argv) {
         "them what this machine can do at most: arithmetic on registers, and random and sequential\n"
         "accesses to as much memory as the kernel works on. Times are processor time, best of several\n"
         "rounds, since other jobs may run. Writes kernels.csv and kernels.svg.");
-    options.Add("out", &out, "folder for kernels.csv and kernels.svg");
+    options.Add("out", &out, "folder for kernels.csv and kernels.svg", {.required = "DIR"});
     options.Add("builds", &builds, "portable, avx2, avx512, avx512bf16; all = all that this processor runs");
     options.Add("rounds", &rounds, "measurements of each kernel; the best counts", {.min = 1});
     if (!options.Parse(argc, argv)) return;
-    if (out.empty()) throw Error(ExitCode::kUsage, "pipeline bench kernels: --out DIR is missing");
     RunFieldKernels(out, ChooseBuilds(builds), rounds);
   });
 }

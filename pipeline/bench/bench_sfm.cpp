@@ -20,7 +20,10 @@ int RunBenchSfm(int argc, const char* const* argv) {
     Options options("pipeline bench sfm",
                     "Measures structure-from-motion: generated hard cases with truth, the knobs of "
                     "`pipeline sfm` on a folder of pictures, and the matching kernel.");
-    options.Add("out", &common.out, "folder for matrix.csv, results.csv, work_precision.svg, kernels.csv");
+    options.Add("out",
+                &common.out,
+                "folder for matrix.csv, results.csv, work_precision.svg, kernels.csv",
+                {.required = "DIR"});
     options.Add("threads", &common.threads, "0 = all cores", {.min = 0});
     options.Add("matrix", &wants_matrix, "run the hard cases");
     options.Add("seeds", &matrix.seeds, "seeds per hard case", {.min = 1});
@@ -38,7 +41,6 @@ int RunBenchSfm(int argc, const char* const* argv) {
     options.Add("kernels", &wants_kernels, "time the matching kernel beside the processor's peak");
     if (!options.Parse(argc, argv)) return;
 
-    if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline bench sfm: --out DIR is missing");
     if (!wants_matrix && !wants_kernels && sweep.images.empty()) {
       throw io::Error(io::ExitCode::kUsage,
                       "pipeline bench sfm: nothing to measure",

@@ -159,7 +159,6 @@ void Resolve(const Options& options,
              const std::string& seeds,
              const std::string& holdouts,
              TrainBench* bench) {
-  Require(!bench->common.out.empty(), "pipeline bench train: --out DIR is missing", "");
   Require(bench->poses.empty() != bench->run.empty(),
           "pipeline bench train: needs one scene",
           "Give either --poses SCENE or --run RUNFOLDER");
@@ -212,7 +211,8 @@ int RunBenchTrain(int argc, const char* const* argv) {
         "monitoring, checkpoints and evaluation. Writes train_results.csv, psnr_over_time.svg and a run\n"
         "folder per run under runs/. Runs that are there already are kept; --force runs them again.\n"
         "The options of `pipeline train` are passed on.");
-    options.Add("out", &bench.common.out, "folder for the tables, the plot and the runs");
+    options.Add(
+        "out", &bench.common.out, "folder for the tables, the plot and the runs", {.required = "DIR"});
     options.Add("threads",
                 &bench.common.threads,
                 "worker threads; 0 = all cores; kept runs stay as they are",

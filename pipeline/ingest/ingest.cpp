@@ -39,7 +39,7 @@ void Ingest(int argc, const char* const* argv) {
   fs::path input;
   options.AddPositional("INPUT", &input, "folder of photos, quoted pattern, or video", true);
   AddIngestOptions(&options, &flags);
-  AddCommonOptions(&options, &common);
+  AddCommonOptions(&options, &common, false);
   if (!options.Parse(argc, argv)) return;
   IngestOptions ingest = ResolvedIngestOptions(flags);
   ingest.threads = ResolvedThreads(common);

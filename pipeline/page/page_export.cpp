@@ -40,7 +40,8 @@ std::string ScriptJson(const nlohmann::ordered_json& json) {
 std::size_t ExportPage(const io::Scene& train,
                        const fs::path& checkpoint,
                        const std::string& name,
-                       const fs::path& file) {
+                       const fs::path& file,
+                       std::size_t max_bytes) {
   if (nerf::KindOfCheckpoint(checkpoint) != nerf::FieldKind::kHash)
     throw io::Error(io::ExitCode::kBadInput,
                     checkpoint.string() + ": a browser can only show a field of kind `hash`",
@@ -60,15 +61,14 @@ std::size_t ExportPage(const io::Scene& train,
                  {"BYTES", io::Base64(io::Gzip(payload.bytes))}});
   };
   std::string page = page_with(MakeFieldPayload(field.get(), state.channels == 4));
-  if (page.size() > kMaxPageBytes) {
+  if (page.size() > max_bytes) {
     field->splats = {};  // the field alone shows all, less sharply
     page = page_with(MakeFieldPayload(field.get(), state.channels == 4));
   }
-  if (page.size() > kMaxPageBytes)
+  if (page.size() > max_bytes)
     throw io::Error(io::ExitCode::kBadInput,
                     file.string() + ": would have " + std::to_string(page.size() >> 20) +
-                        " MiB, more than the " + std::to_string(kMaxPageBytes >> 20) +
-                        " MiB that phones open",
+                        " MiB, more than the " + std::to_string(max_bytes >> 20) + " MiB that phones open",
                     "Train with --log2-hashmap-size 19");
   io::WriteFileAtomically(file, page);
   return page.size();

@@ -18,8 +18,9 @@ constexpr double kMinMemory = 1 << 26, kMaxMemory = 1ull << 50;
 
 }  // namespace
 
-void AddCommonOptions(Options* options, CommonOptions* common) {
-  options->Add("out", &common->out, "run folder", {.affects_result = false});
+void AddCommonOptions(Options* options, CommonOptions* common, bool needs_out) {
+  options->Add(
+      "out", &common->out, "run folder", {.affects_result = false, .required = needs_out ? "DIR" : ""});
   options->Add(
       "threads", &common->threads, "worker threads; 0 = all cores", {.min = 0, .affects_result = false});
   options->Add("memory",

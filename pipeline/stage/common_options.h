@@ -15,7 +15,7 @@ struct CommonOptions {
   int threads = 0;            // 0: all cores
   std::string memory;         // of each stage, such as 2G; empty: what the machine has free
 };
-void AddCommonOptions(Options* options, CommonOptions* common);
+void AddCommonOptions(Options* options, CommonOptions* common, bool needs_out = true);
 // common.threads, or all available cores for 0; never more than four threads per core.
 int ResolvedThreads(const CommonOptions& common);
 // What this process may take: common.memory, which is then also enforced, or what the machine has free.

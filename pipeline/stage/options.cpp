@@ -242,6 +242,10 @@ bool Options::Parse(int argc, const char* const* argv) {
   }
   const CLI::Option* config = app_->get_option("--config");
   if (config->count() > 0) ReadConfig(config->as<std::string>());
+  for (const auto& option : options_) {
+    if (!option->rule.required.empty() && option->ValueText().empty())
+      Refuse(fmt::format("{}: --{} {} is missing", app_->get_name(), option->name, option->rule.required));
+  }
   return true;
 }
 

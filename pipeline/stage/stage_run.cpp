@@ -70,7 +70,6 @@ StageRun::StageRun(const std::string& stage_name,
       options_(options),
       leads_(io::AllRanks().IsFirst()),
       figures_(std::make_unique<Json>(Json::object())) {
-  if (common.out.empty()) throw Error(ExitCode::kUsage, "pipeline " + stage_name + ": --out DIR is missing");
   run_folder_ = fs::absolute(common.out).lexically_normal();
   if (!run_folder_.has_filename()) run_folder_ = run_folder_.parent_path();  // "run/" is "run"
   const std::string folder = FindStage(stage_name).folder;

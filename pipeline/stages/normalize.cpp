@@ -324,7 +324,6 @@ int RunNormalize(int argc, const char* const* argv) {
     AddCommonOptions(&flags, &common);
     AddNormalizeOptions(&flags, &options);
     if (!flags.Parse(argc, argv)) return;
-    if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline normalize: --out DIR is missing");
     Normalize(common, options, flags);
   });
 }

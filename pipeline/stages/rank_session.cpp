@@ -104,7 +104,6 @@ RankSession::RankSession(const std::string& stage,
     : exceptions_(std::uncaught_exceptions()) {
   const int size = IsSet("WORLD_SIZE") ? NumberOf("WORLD_SIZE", 1, kMaxRanks) : 1;
   if (size == 1) return;
-  if (out.empty()) throw Error(ExitCode::kUsage, "pipeline " + stage + ": --out DIR is missing");
   if (!io::Join()) ContinueIn("pipeline-ranks", stage, argc, argv);
   before_ = io::UseRanks(io::Join()(MeetingOf(stage, out, size)));
   UseCommonKernels();

@@ -167,7 +167,6 @@ int RunSfm(int argc, const char* const* argv) {
     settings.threads = ResolvedThreads(common);
     settings.memory = ResolvedMemory(common);
 
-    if (common.out.empty()) throw io::Error(io::ExitCode::kUsage, "pipeline sfm: --out DIR is missing");
     const fs::path ingest = fs::absolute(common.out).lexically_normal() / "ingest";
     const std::vector<sfm::Picture> pictures = ReadPictures(ingest);
     std::vector<fs::path> inputs = {ingest / "images", ingest / "frames.json"};

@@ -19,7 +19,7 @@ struct Values {
 void Parse(const std::vector<std::string>& arguments) {
   Values values;
   pipeline::Options options("pipeline fuzz", "Parses.");
-  pipeline::AddCommonOptions(&options, &values.common);
+  pipeline::AddCommonOptions(&options, &values.common, false);
   options.Add("flag", &values.flag, "A switch");
   options.Add("seed", &values.seed, "A whole number");
   options.Add("rate", &values.rate, "A number", {.max = 1, .above = 0});

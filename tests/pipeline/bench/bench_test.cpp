@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "io/base/error.h"
+#include "io/image/image.h"
 #include "io/process/process.h"
 #include "pipeline/bench/bench.h"
 #include "pipeline/bench/bench_table.h"
@@ -57,6 +58,40 @@ TEST(Bench, OptionsAreChecked) {
   ExpectUsageError({"sfm", "--out", out, "--images", out, "--features", "1024,x"}, "--features: 'x'");
   ExpectUsageError({"sfm", "--out", out, "--images", out, "--sizes=-1"}, "--sizes: '-1'");
   EXPECT_EQ(Bench({"sfm", "--out", out, "--images", out}).first, static_cast<int>(ExitCode::kBadInput));
+}
+
+std::string Encoded(const char* extension) {
+  const std::vector<std::uint8_t> bytes = io::EncodeImage(io::MakeImage(32, 24, 3), extension);
+  return {bytes.begin(), bytes.end()};
+}
+
+// `jpeg` with an EXIF orientation of 6.
+std::string OnItsSide(std::string jpeg) {
+  using namespace std::string_literals;
+  return jpeg.insert(2,
+                     "\xff\xe1\0\x22"
+                     "Exif\0\0"
+                     "II*\0\x08\0\0\0"
+                     "\x01\0"
+                     "\x12\x01\x03\0\x01\0\0\0\x06\0\0\0"
+                     "\0\0\0\0"s);
+}
+
+TEST(Bench, PicturesOnTheirSideAreRefusedByName) {
+  const TempDir dir;
+  WriteText(dir / "in/a.jpg", OnItsSide(Encoded(".jpg")));
+  const auto [code, message] =
+      Bench({"sfm", "--out", (dir / "out").string(), "--images", (dir / "in").string()});
+  EXPECT_EQ(code, static_cast<int>(ExitCode::kBadInput)) << message;
+  EXPECT_NE(message.find("a.jpg: lies on its side"), std::string::npos) << message;
+}
+
+TEST(Bench, AWrongValueEndsTheSweep) {
+  const TempDir dir;
+  for (const char* name : {"in/a.png", "in/b.png", "in/c.png"}) WriteText(dir / name, Encoded(".png"));
+  ExpectUsageError(
+      {"sfm", "--out", (dir / "out").string(), "--images", (dir / "in").string(), "--features=50"},
+      "--features: 50 is not in");
 }
 
 TEST(Bench, KernelsAreTimedBesideThePeak) {

@@ -8,15 +8,18 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/image/image.h"
+#include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/trainer.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/film/film.h"
 #include "pipeline/page/page_export.h"
+#include "tests/support/files/small_run.h"
 #include "tests/support/programs/browser.h"
 #include "tests/support/programs/require_program.h"
 #include "tests/support/scenes/ball_scene.h"
 #include "tests/support/scenes/small_mlp.h"
+#include "tests/support/scenes/some_splats.h"
 
 namespace pipeline {
 namespace {
@@ -167,6 +170,27 @@ TEST(PageExport, RefusesAFieldThatNoBrowserShows) {
     EXPECT_NE(std::string(error.what()).find("hash"), std::string::npos);
   }
   EXPECT_FALSE(fs::exists(dir / "scene.html"));
+}
+
+TEST(PageExport, LeavesSplatsOutBeforeItIsTooLarge) {
+  const tests::SmallRun run;
+  run.Train("train");
+  const fs::path checkpoint = run.path() / "train/checkpoint.bin", page = run.path() / "scene.html";
+  nerf::TrainState state;
+  const std::unique_ptr<nerf::SceneField> field = nerf::ReadCheckpoint(checkpoint, &state);
+  const auto page_bytes = [&](std::size_t n_splats, std::size_t max_bytes) {
+    field->splats = tests::SomeSplats(n_splats);
+    nerf::WriteCheckpoint(checkpoint, field.get(), state);
+    return ExportPage(run.scene(), checkpoint, "a run", page, max_bytes);
+  };
+  const std::size_t alone = page_bytes(0, kMaxPageBytes), with_splats = page_bytes(100, kMaxPageBytes);
+  EXPECT_GT(with_splats, alone);
+  EXPECT_EQ(page_bytes(100, with_splats), with_splats);
+  EXPECT_EQ(page_bytes(100, with_splats - 1), alone);
+  EXPECT_EQ(page_bytes(100, alone), alone);
+  fs::remove(page);
+  EXPECT_ERROR(page_bytes(100, alone - 1), io::ExitCode::kBadInput, "that phones open");
+  EXPECT_FALSE(fs::exists(page));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/base/atomic_file.h"
+#include "io/base/error.h"
 #include "pipeline/report/report.h"
 #include "tests/support/files/small_run.h"
 
@@ -38,6 +39,14 @@ TEST(ScenePage, StandsBesideTheReportThatLinksIt) {
   ASSERT_EQ(WriteReport(run.path()), 0);
   EXPECT_FALSE(fs::exists(page));
   EXPECT_EQ(io::ReadFile(run.path() / "report.html").find("href=\"scene.html\""), std::string::npos);
+}
+
+TEST(ScenePage, ADamagedCheckpointIsNoFieldThatBrowsersLack) {
+  const tests::SmallRun run;
+  run.Train("train");
+  const fs::path checkpoint = run.path() / "train/checkpoint.bin";
+  fs::resize_file(checkpoint, fs::file_size(checkpoint) - 1);
+  EXPECT_ERROR(WriteScenePage(run.path()), io::ExitCode::kBadState, "checkpoint.bin");
 }
 
 }  // namespace

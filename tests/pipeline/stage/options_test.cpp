@@ -174,6 +174,23 @@ TEST(Options, EmptyValuesAreRefused) {
   EXPECT_ERROR(Parsed({"--config", path.c_str()}), ExitCode::kUsage, "--name: '' is no value");
 }
 
+TEST(Options, ValuesThatMustBeGivenMayComeFromTheFile) {
+  const TempDir dir;
+  const auto out_of = [](std::vector<const char*> arguments) {
+    Options options("pipeline test", "Tests.");
+    std::filesystem::path out;
+    options.Add("out", &out, "a folder", {.required = "DIR"});
+    arguments.insert(arguments.begin(), "pipeline test");
+    return options.Parse(static_cast<int>(arguments.size()), arguments.data()) ? out : "help";
+  };
+  EXPECT_ERROR(out_of({}), ExitCode::kUsage, "pipeline test: --out DIR is missing");
+  EXPECT_EQ(out_of({"--out", "run"}), "run");
+  WriteText(dir / "config.json", R"({"out": "from the file"})");
+  const std::string config = (dir / "config.json").string();
+  EXPECT_EQ(out_of({"--config", config.c_str()}), "from the file");
+  EXPECT_EQ(out_of({"--help"}), "help");
+}
+
 TEST(Options, TheLastOfRepeatedFlagsCounts) {
   EXPECT_EQ(Parsed({"--steps=3", "--steps", "4"}).fields.steps, 4);
   EXPECT_TRUE(Parsed({"--no-depth", "--depth"}).fields.depth);

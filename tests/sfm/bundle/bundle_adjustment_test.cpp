@@ -236,6 +236,13 @@ TEST(BundleAdjustment, ImpossibleObservationsAreRefusedByName) {
           "view 4.png");
   refused(
       [](io::ColmapModel* m) {
+        m->scene.frames[4].world_from_cam.rotation(0, 0) = std::nan("");
+        std::erase_if(m->observations, [](const io::Observation& o) { return o.frame_index == 4; });
+      },
+      "view 4.png has a pose that is not finite");
+  refused([](io::ColmapModel* m) { m->observations[7].xy.x() = 1e200; }, "bundle adjustment failed");
+  refused(
+      [](io::ColmapModel* m) {
         for (io::Frame& f : m->scene.frames) f.world_from_cam.translation = Vector3d(0, 0, 9);
         m->observations.clear();
       },
