@@ -40,6 +40,7 @@ struct Dataset {
   std::optional<std::array<float, 3>> background;
   std::vector<SparseDepth> depths;  // of sparse points; may be empty
   PixelRuns runs;                   // empty: every pixel is used
+  std::vector<bool> sky;            // [n_pixels], see sky.h; empty: no picture shows any
   std::size_t n_pixels() const { return pixels.size() / static_cast<std::size_t>(channels); }
   std::size_t n_used() const { return runs.empty() ? n_pixels() : runs.size(); }
 
@@ -47,6 +48,8 @@ struct Dataset {
   std::size_t UsedPixel(std::size_t rank) const { return runs.empty() ? rank : runs.Pixel(rank); }
   // Whether each pixel is used; empty: no view has a mask.
   std::vector<bool> UsedPixels() const;
+
+  bool ShowsSky(std::size_t pixel) const { return !sky.empty() && sky[pixel]; }
 
   // The view a pixel belongs to.
   const View& ViewOf(std::size_t pixel) const;

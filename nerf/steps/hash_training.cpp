@@ -29,6 +29,9 @@ constexpr float kDepthShare = 0.1f, kDepthWeight = 0.1f;
 // comes from fog, it weighs so many times more, falling over the first share of a run: a wall that has
 // become opaque hardly moves.
 constexpr double kNearnessWeight = 3e-4, kFirstNearness = 11, kNearnessShare = 0.25;
+// Of what stands before the sky, in unbounded scenes: as much as a squared error of 15 dB, which clouds that
+// moved between the pictures have, so that they do not become lumps before each camera.
+constexpr float kSkyWeight = 0.03f;
 // Share of a run of an unbounded scene after which space that was found empty stays so: what comes late into
 // the open is seldom a surface, and often the noise of one picture, painted on a wall before its camera.
 constexpr double kSettledShare = 0.15;
@@ -114,6 +117,7 @@ BatchPlan HashTraining<Real>::Plan(double progress, const TrainState& state) con
     plan.depth_share = kDepthShare, plan.depth_weight = kDepthWeight;
     const double first = std::max(0.0, 1 - progress / kNearnessShare);
     plan.near_cameras = terms_.near_cameras;
+    plan.sky_weight = kSkyWeight;
     plan.nearness_weight = static_cast<float>(kNearnessWeight * (1 + (kFirstNearness - 1) * first));
   }
   plan.ends_at_infinity = scene_field_->EndsAtInfinity();

@@ -45,6 +45,7 @@ class Compositor {
       if (plan_.distortion > 0) loss->loss += Share() * Distort(ray);
       if (rays_[static_cast<std::size_t>(ray)].depth > 0) loss->loss += Share() * PullToDepth(ray);
       if (plan_.near_cameras) loss->loss += Share() * PushFromCameras(ray);
+      if (rays_[static_cast<std::size_t>(ray)].shows_sky) loss->loss += Share() * ClearTheSky(ray);
       CompositeGradients(n,
                          rows_.weights.data() + begin,
                          rgb_ + 3 * begin,
@@ -119,6 +120,18 @@ class Compositor {
           plan_.nearness_weight * plan_.near_cameras->At({samples.x[s], samples.y[s], samples.z[s]}, place);
       rows_.weight_gradients[i] += gradient;
       loss += rows_.weights[begin + i] * gradient;
+    }
+    return loss;
+  }
+
+  // Weighted opacity of what stands before the sky, likewise.
+  float ClearTheSky(int ray) {
+    const auto [begin, n] = RowsOf(ray);
+    float loss = 0;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+      if (std::isinf(samples_.sorted.t[samples_.First(ray) + i])) break;
+      rows_.weight_gradients[i] += plan_.sky_weight;
+      loss += plan_.sky_weight * rows_.weights[begin + i];
     }
     return loss;
   }

@@ -84,6 +84,7 @@ void DrawRays(
           .ray = RayOf(dataset, plan, k, &draws[p]),
           .target = targets[p],
           .depth = draws[p].depth ? draws[p].depth->t : 0,
+          .shows_sky = !draws[p].depth && dataset.ShowsSky(draws[p].pixel),
       };
       sampler.Range(ray.ray, &ray.t, &ray.t_last);
       const float offset = phase + static_cast<float>(k) * share;

@@ -40,6 +40,8 @@ struct BatchPlan {
   // `hash`: the loss of near_cameras.h and its weight; null: none.
   const NearCameras* near_cameras = nullptr;
   float nearness_weight = 0;
+  // `hash`: of the opacity of what stands before the sky (Dataset::sky).
+  float sky_weight = 0;
   // Optical depth at which a ray ends; the light left over counts as background, whatever lies behind.
   float early_stop_depth = 6.9f;
   // Samples of a ray in one wave. Its transmittance is looked at after each wave, so at most one wave is
@@ -61,6 +63,7 @@ struct BatchRay {
   Ray ray = {};
   PixelTarget target = {};
   float depth = 0;                             // distance of the sparse point that it goes through; 0: none
+  bool shows_sky = false;
   float t = 0, t_last = 0;                     // where marching goes on, and where it ends
   float optical_depth = 0, transmittance = 1;  // so far
   int n_kept = 0;                              // samples whose weight counts

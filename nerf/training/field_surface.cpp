@@ -137,8 +137,10 @@ std::vector<SurfacePoint> FieldSurface(const SceneField& scene_field,
     }
     const std::vector<RenderedRay> rendered =
         RenderPixels(scene_field, pixels, 1, 1.f, workers, {}, RayValues::kDepths);
-    for (std::size_t i = 0; i < chosen.size(); ++i)
-      AddPoint(scene_field, dataset, chosen[i], &rendered[kRays * i], &points);
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
+      if (!dataset.ShowsSky(chosen[i].pixel))
+        AddPoint(scene_field, dataset, chosen[i], &rendered[kRays * i], &points);
+    }
   }
   return points;
 }

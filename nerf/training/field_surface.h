@@ -14,7 +14,8 @@ namespace nerf {
 // the photograph changes there; each at the distance where half of its ray's light is absorbed, with the
 // colour of the photograph. Normals are those of the plane through the pixel and two
 // beside it, and where these show something else they point to the camera. Where rays leave the scene the
-// point lies in the sky, too far away to move between views; without a sky, there is none.
+// point lies too far away to move between views; where the field has nothing there, or the photograph shows
+// the sky (Dataset::sky), there is none.
 std::vector<SurfacePoint> FieldSurface(const SceneField& scene_field,
                                        const Dataset& dataset,
                                        std::size_t number,

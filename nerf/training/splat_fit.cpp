@@ -86,9 +86,12 @@ void SplatFit::Begin() {
 
 SplatTarget SplatFit::Target(std::size_t index) const {
   const View& view = dataset_.views[index];
-  io::Image photo{.width = view.width, .height = view.height, .channels = 3};
-  const auto first = dataset_.pixels.begin() + static_cast<std::ptrdiff_t>(3 * view.first_pixel);
-  photo.data.assign(first, first + static_cast<std::ptrdiff_t>(3 * view.n_pixels()));
+  // The sky is left to the field behind the splats.
+  io::Image photo{.width = view.width, .height = view.height, .channels = 4};
+  for (std::size_t i = view.first_pixel; i < view.first_pixel + view.n_pixels(); ++i) {
+    photo.data.insert(photo.data.end(), &dataset_.pixels[3 * i], &dataset_.pixels[3 * i] + 3);
+    photo.data.push_back(dataset_.ShowsSky(i) ? 0 : 255);
+  }
   io::Mask mask{.width = view.width, .height = view.height, .used = {}};
   for (std::size_t i = 0; i < view.n_pixels() && !used_.empty(); ++i)
     mask.used.push_back(used_[view.first_pixel + i] ? 255 : 0);
@@ -101,9 +104,11 @@ SplatTarget SplatFit::Target(std::size_t index) const {
     if (!mask.used.empty()) mask = io::ShrinkMask(mask, camera.width, camera.height);
   }
   SplatTarget target{SplatViewOf(*scene_field_, camera, world_from_cam_[index]), {}, {}};
-  for (std::size_t i = 0; i < photo.data.size() / 3; ++i) {
-    target.rgba.insert(target.rgba.end(), &photo.data[3 * i], &photo.data[3 * i] + 3);
-    target.rgba.push_back(255);
+  for (std::size_t i = 0; i < photo.data.size() / 4; ++i) {
+    const int alpha = photo.data[4 * i + 3];
+    for (std::size_t c = 0; c < 3; ++c)
+      target.rgba.push_back(static_cast<std::uint8_t>((photo.data[4 * i + c] * alpha + 127) / 255));
+    target.rgba.push_back(photo.data[4 * i + 3]);
     if (!mask.used.empty()) target.used.push_back(mask.Uses(i));
   }
   return target;

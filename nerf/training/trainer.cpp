@@ -12,6 +12,7 @@
 #include "io/process/progress.h"
 #include "io/process/ranks.h"
 #include "nerf/data/plain_background.h"
+#include "nerf/data/sky.h"
 #include "nerf/data/sparse_depth.h"
 #include "nerf/training/field_fit.h"
 #include "nerf/training/heldout_monitor.h"
@@ -102,7 +103,15 @@ void Trainer::Begin() {
   const bool had_alpha = dataset_.channels == 4;
   MarkPlainBackground(&dataset_, options_.memory);
   if (dataset_.channels == 4 && !had_alpha) RequireHullMemory(dataset_, options_);
-  if (dataset_.channels == 3) dataset_.depths = SparseDepths(scene_, dataset_);
+  if (dataset_.channels == 3) {
+    dataset_.depths = SparseDepths(scene_, dataset_);
+    dataset_.sky = FindSky(scene_, dataset_, &workers_);
+    const auto n_sky = std::count(dataset_.sky.begin(), dataset_.sky.end(), true);
+    if (n_sky > 0)
+      report_.events.push_back(
+          fmt::format("the pictures show the sky in {:.0f} % of their pixels: nothing stands before it",
+                      100 * static_cast<double>(n_sky) / static_cast<double>(dataset_.n_pixels())));
+  }
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   std::unique_ptr<SceneField> scene_field;
   if (io::FromFirst(std::filesystem::exists(checkpoint))) {

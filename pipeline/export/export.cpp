@@ -135,10 +135,11 @@ void Say(const char* what, const fs::path& path, const std::string& note = "") {
 }
 
 nerf::Splats SplatsOf(const ExportedScene& scene, const ExportOptions& options) {
-  const nerf::Splats& trained = scene.field->splats();
-  if (trained.size() > 0 && !scene.crop && !options.fits_splats) return trained;
   SplatSceneOptions splat_options = options.splats_from;
   splat_options.view_size = options.surface.view_size;
+  const nerf::Splats& trained = scene.field->splats();
+  if (trained.size() > 0 && !scene.crop && !options.fits_splats)
+    return WithSky(scene, trained, splat_options);
   return MakeSplats(scene, splat_options);
 }
 

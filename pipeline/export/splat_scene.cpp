@@ -21,6 +21,9 @@ namespace {
 constexpr double kSurfaceShare = 0.5;
 // Distance of the sky, in units of the scene's far: its splats hardly move between views.
 constexpr double kSkyDistance = 50;
+// Splats with more pixels that let most light pass than this share of a view's have left the sky out.
+constexpr double kOpenShare = 0.01;
+constexpr float kOpen = 0.5f;  // transmittance
 // Side of a box larger than any scene, in units of far: rays end in it, and what lies behind is left out.
 constexpr double kEverything = 1e4;
 
@@ -61,6 +64,29 @@ class SplatViews {
 
   // Pieces of surface at pixels chosen by chance, so that of all views' pixels about `number` are chosen.
   void AddPoints(std::size_t index, int number, std::vector<nerf::SurfacePoint>* points) const {
+    AddPointsWhere([](std::size_t, bool) { return true; }, index, number, points);
+  }
+
+  // Likewise, of the sky alone and where `splats` let most light pass.
+  void AddSky(const nerf::Splats& splats,
+              std::size_t index,
+              int number,
+              nerf::SplatRasteriser* rasteriser,
+              std::vector<nerf::SurfacePoint>* points) const {
+    const std::vector<float> passes =
+        rasteriser->Render(splats, {surface_cameras_[index], views_[index].world_from_cam}).transmittance;
+    const auto n_open = std::count_if(passes.begin(), passes.end(), [](float t) { return t > kOpen; });
+    if (static_cast<double>(n_open) < kOpenShare * static_cast<double>(passes.size())) return;
+    AddPointsWhere(
+        [&](std::size_t i, bool is_sky) { return is_sky && passes[i] > kOpen; }, index, number, points);
+  }
+
+ private:
+  template <typename Wanted>
+  void AddPointsWhere(const Wanted& wanted,
+                      std::size_t index,
+                      int number,
+                      std::vector<nerf::SurfacePoint>* points) const {
     double n_pixels = 0;
     for (const io::Camera& camera : surface_cameras_) n_pixels += 1.0 * camera.width * camera.height;
     const io::Camera& camera = surface_cameras_[index];
@@ -70,7 +96,7 @@ class SplatViews {
     for (std::size_t i = 0; i < surface.distance.size(); ++i) {
       if (io::Random(0, io::Stream::kSplat, index, i).Uniform() * n_pixels >= number) continue;
       const bool is_sky = surface.distance[i] == 0;
-      if (is_sky && limits_.crop) continue;
+      if ((is_sky && limits_.crop) || !wanted(i, is_sky)) continue;
       const double distance = is_sky ? kSkyDistance * scene_.train.far : surface.distance[i];
       const Eigen::Vector3f ray = surface.rays[i].cast<float>(), normal = surface.normals[i];
       points->push_back({.position = (pose.translation + distance * surface.rays[i]).cast<float>(),
@@ -80,7 +106,6 @@ class SplatViews {
     }
   }
 
- private:
   // Puts the photo where its mask uses it.
   void ShowPhoto(std::size_t index, nerf::SplatTarget* target) const {
     const int width = target->view.camera.width, height = target->view.camera.height;
@@ -128,6 +153,30 @@ nerf::Splats MakeSplats(const ExportedScene& scene, const SplatSceneOptions& opt
   nerf::OptimizeSplats(
       targets, {.steps = options.steps, .threads = scene.threads, .progress = show}, &splats);
   return splats;
+}
+
+nerf::Splats WithSky(const ExportedScene& scene,
+                     const nerf::Splats& splats,
+                     const SplatSceneOptions& options) {
+  if (!scene.field->HasUnknownSpace()) return splats;
+  const SplatViews views(scene, options.view_size);
+  io::Workers workers(scene.threads);
+  nerf::SplatRasteriser rasteriser(&workers);
+  std::vector<nerf::SurfacePoint> points;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    io::ThrowIfInterrupted();
+    views.AddSky(splats, i, options.max_splats, &rasteriser, &points);
+  }
+  if (points.empty()) return splats;
+  nerf::Splats all = splats;
+  const nerf::Splats sky = nerf::SplatsOn(points);
+  const auto append = [](const std::vector<float>& more, std::vector<float>* values) {
+    values->insert(values->end(), more.begin(), more.end());
+  };
+  append(sky.places, &all.places), append(sky.log_scales, &all.log_scales);
+  append(sky.rotations, &all.rotations), append(sky.opacities, &all.opacities);
+  append(sky.colours, &all.colours);
+  return all;
 }
 
 }  // namespace pipeline

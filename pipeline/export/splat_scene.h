@@ -19,4 +19,11 @@ struct SplatSceneOptions {
 // kBadState when the views show nothing, kBadInput for photos that cannot be read, and io::Interrupted.
 nerf::Splats MakeSplats(const ExportedScene& scene, const SplatSceneOptions& options);
 
+// Splats of the training, which leave the sky to the field behind them, with others that show it where they
+// let most light pass and the training views have no surface. They are not fitted: a sky has little detail.
+// Needs scene.field. Throws io::Interrupted.
+nerf::Splats WithSky(const ExportedScene& scene,
+                     const nerf::Splats& splats,
+                     const SplatSceneOptions& options);
+
 }  // namespace pipeline

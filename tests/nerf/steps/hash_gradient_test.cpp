@@ -28,6 +28,7 @@ struct Case {
   // With bfloat16. Where all light is accounted for, densities move only by differences of colours, which are
   // small in an untrained field, while their rounding errors are not: float shows that the equations agree.
   double bf16_tolerance = 0.03;
+  float sky_weight = 0;
 };
 
 at::Tensor Parameter(std::span<const float> values) {
@@ -138,10 +139,13 @@ class HashGradientTest : public testing::Test {
                          .depth_weight = c.depth_weight,
                          .near_cameras = c.nearness_weight > 0 ? &near_cameras_ : nullptr,
                          .nearness_weight = c.nearness_weight,
+                         .sky_weight = c.sky_weight,
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
     Dataset dataset = LoadDataset(scene_, 1);
     for (std::size_t v = 0; v < dataset.views.size(); ++v) dataset.depths.push_back({v, 12.3f, 11.6f, 3.5f});
+    for (std::size_t i = 0; c.sky_weight > 0 && i < dataset.n_pixels(); ++i)
+      dataset.sky.push_back(i % 2 == 0);
     const HashShardContext<Real> context{
         dataset, field_.grid(), std::get<HashNetwork<Real>>(field_.network()), sampler, plan};
     HashShardScratch<Real> scratch;
@@ -193,6 +197,12 @@ class HashGradientTest : public testing::Test {
                           double{c.depth_weight} / c.samples_per_pixel;
       loss = loss + Nearness(weights, static_cast<std::size_t>(first), ray.ray) * double{c.nearness_weight} /
                         c.samples_per_pixel;
+      if (ray.shows_sky) {
+        for (std::int64_t i = 0; i < n_samples(r); ++i) {
+          if (!std::isinf(samples.t[static_cast<std::size_t>(first + i)]))
+            loss = loss + weights[i] * double{c.sky_weight} / c.samples_per_pixel;
+        }
+      }
       first += n_samples(r);
       const bool begins = r % static_cast<std::size_t>(c.samples_per_pixel) == 0;
       pixel_colour = begins ? colour : pixel_colour + colour;
@@ -286,7 +296,8 @@ TYPED_TEST(HashGradientTest, OfAShardIsThatOfTheReferenceInLibTorch) {
                         {"depth", 1, 0, 0, 0.5f},
                         {"near cameras", 1, 0, 0, 0, 0.5f},
                         {"infinity", 1, 0, 0, 0, 0, true, 0.15},
-                        {"all", 4, 0.3f, 4, 0.5f, 0.5f, true}}) {
+                        {"sky", 1, 0, 0, 0, 0, true, 0.15, 0.5f},
+                        {"all", 4, 0.3f, 4, 0.5f, 0.5f, true, 0.03, 0.5f}}) {
     SCOPED_TRACE(c.name);
     const double tolerance = this->ToleranceOf(c);
     this->Train(c);

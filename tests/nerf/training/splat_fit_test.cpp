@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "nerf/data/capture_geometry.h"
+#include "nerf/rendering/splat_mixing.h"
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/field_surface.h"
 #include "nerf/training/heldout_monitor.h"
@@ -56,6 +58,7 @@ class SplatFits : public testing::Test {
   TrainState state_;
   std::unique_ptr<SceneField> scene_field_;
   io::Workers workers_{2};
+  SplatRasteriser rasteriser_{&workers_};
 };
 
 TEST_F(SplatFits, SurfacePointsLieOnTheBallAndOnTheWalls) {
@@ -85,6 +88,22 @@ TEST_F(SplatFits, HalfOfTheSurfacePointsLieWherePicturesChange) {
     return std::abs(point.rgb.x() - 128 / 255.f) < 0.01f;
   });
   EXPECT_NEAR(static_cast<double>(n_grey) / 2000, 0.5 * 0.75, 0.06);
+}
+
+TEST_F(SplatFits, LeaveTheSkyToTheField) {
+  const std::size_t n_all = FieldSurface(*scene_field_, dataset_, 500, 1, &workers_).size();
+  for (std::size_t i = 0; i < dataset_.n_pixels(); ++i) dataset_.sky.push_back(i / 48 % 48 < 16);
+  const std::size_t n = FieldSurface(*scene_field_, dataset_, 500, 1, &workers_).size();
+  EXPECT_LT(n, 0.8 * static_cast<double>(n_all));
+  EXPECT_GT(n, 0.5 * static_cast<double>(n_all));
+
+  SplatFit fit = Fit(&workers_);
+  for (int i = 0; i < 100; ++i) fit.Step(i / 100.0);
+  const SplatPicture picture =
+      RenderSplats(*scene_field_, scene_.cameras[0], scene_.frames[0].world_from_cam, {}, &rasteriser_);
+  const auto middle = picture.transmittance.begin() + 16 * 48;
+  EXPECT_GT(std::accumulate(picture.transmittance.begin(), middle, 0.f) / (16 * 48), 0.8f);
+  EXPECT_LT(std::accumulate(middle, picture.transmittance.end(), 0.f) / (32 * 48), 0.3f);
 }
 
 TEST_F(SplatFits, MakeHeldOutPicturesBetter) {

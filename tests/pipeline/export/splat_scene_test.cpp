@@ -91,6 +91,28 @@ TEST(SplatScene, SkyIsFarAndFreeSpaceStaysEmpty) {
   EXPECT_ERROR(MakeSplats(scene, {.steps = 0}), io::ExitCode::kBadState, "show no surface");
 }
 
+TEST(SplatScene, SkyIsAddedToSplatsThatLeaveItOut) {
+  const TempDir dir;
+  ExportedScene scene = tests::SphereExport(dir.path());
+  nerf::Splats trained;
+  trained.resize(1);
+  trained.rotations[0] = 1;
+  scene.field = std::make_unique<EmptyField>(true);
+  const nerf::Splats all = WithSky(scene, trained, {.max_splats = 500});
+  ASSERT_GT(all.size(), 300u);
+  EXPECT_EQ(all.colours.size(), 3 * nerf::kHarmonics * all.size());
+  EXPECT_EQ(all.places[0], 0);
+  for (std::size_t i = 1; i < all.size(); ++i)
+    ASSERT_NEAR(Eigen::Vector3f(&all.places[3 * i]).norm(), 300, 5);
+  // A field that knows of no sky, and splats that hide it.
+  scene.field = std::make_unique<EmptyField>(false);
+  EXPECT_EQ(WithSky(scene, trained, {}).size(), 1u);
+  scene.field = std::make_unique<EmptyField>(true);
+  trained.opacities[0] = 9;
+  for (float& scale : trained.log_scales) scale = std::log(3.f);
+  EXPECT_EQ(WithSky(scene, trained, {}).size(), 1u);
+}
+
 TEST(SplatScene, PhotosAreTheAimWhereTheirMasksUseThem) {
   // Photos are black, the field is grey; the right half of the picture is masked.
   const TempDir dir;
