@@ -62,7 +62,7 @@ struct BatchRay {
   std::size_t view = 0;
   Ray ray = {};
   PixelTarget target = {};
-  float depth = 0;                             // distance of the sparse point that it goes through; 0: none
+  float depth = 0;  // distance of the sparse point that it goes through; 0: none
   bool shows_sky = false;
   float t = 0, t_last = 0;                     // where marching goes on, and where it ends
   float optical_depth = 0, transmittance = 1;  // so far
