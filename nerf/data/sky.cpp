@@ -76,13 +76,15 @@ class ViewSky {
     }
   }
 
-  // Indices of the pixels.
-  std::vector<std::size_t> Find(const Eigen::Vector3d& up) {
+  // Whether each pixel shows the sky; empty: none does.
+  std::vector<bool> Find(const Eigen::Vector3d& up) {
     up_in_cam_ = frame_.world_from_cam.rotation.transpose() * up;
-    std::vector<std::size_t> sky;
+    std::vector<bool> sky;
     for (int x = 0; x < view_.width; ++x) {
       const std::vector<std::size_t> region = RegionFrom(x);
-      if (IsSky(region)) sky.insert(sky.end(), region.begin(), region.end());
+      if (!IsSky(region)) continue;
+      sky.resize(view_.n_pixels());
+      for (const std::size_t i : region) sky[i] = true;
     }
     return sky;
   }
@@ -156,7 +158,7 @@ class ViewSky {
 std::vector<bool> FindSky(const io::Scene& scene, const Dataset& dataset, io::Workers* workers) {
   const Eigen::Vector3d up = MeasureCapture(scene).up;
   const std::vector<Eigen::Vector3d> points = SurePoints(scene);
-  std::vector<std::vector<std::size_t>> found(dataset.views.size());
+  std::vector<std::vector<bool>> found(dataset.views.size());
   workers->Run(static_cast<int>(found.size()), [&](int index, int) {
     ViewSky view(scene, dataset, static_cast<std::size_t>(index));
     view.Occupy(points);
@@ -164,8 +166,10 @@ std::vector<bool> FindSky(const io::Scene& scene, const Dataset& dataset, io::Wo
   });
   std::vector<bool> sky;
   for (std::size_t view = 0; view < found.size(); ++view) {
-    if (!found[view].empty()) sky.resize(dataset.n_pixels());
-    for (const std::size_t i : found[view]) sky[dataset.views[view].first_pixel + i] = true;
+    if (found[view].empty()) continue;
+    sky.resize(dataset.n_pixels());
+    const auto first = static_cast<std::ptrdiff_t>(dataset.views[view].first_pixel);
+    std::copy(found[view].begin(), found[view].end(), sky.begin() + first);
   }
   return sky;
 }

@@ -94,6 +94,7 @@ SplatTarget SplatFit::Target(std::size_t index) const {
   const View& view = dataset_.views[index];
   // The sky is left to the field behind the splats.
   io::Image photo{.width = view.width, .height = view.height, .channels = 4};
+  photo.data.reserve(4 * view.n_pixels());
   for (std::size_t i = view.first_pixel; i < view.first_pixel + view.n_pixels(); ++i) {
     photo.data.insert(photo.data.end(), &dataset_.pixels[3 * i], &dataset_.pixels[3 * i] + 3);
     photo.data.push_back(dataset_.ShowsSky(i) ? 0 : 255);
