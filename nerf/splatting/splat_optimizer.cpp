@@ -27,6 +27,9 @@ constexpr std::size_t kSplatsPerTask = 4096;
 // Steps that the PSNR shown is the mean of.
 constexpr int kShownSteps = 50;
 
+constexpr const char* kRemedy =
+    "Please report the run's options; --no-splats (train) or --splat-steps 0 (export) go without";
+
 // Values that share a rate.
 struct Block {
   float rate;
@@ -64,8 +67,7 @@ double SplatAdam::Step(const SplatTarget& target,
   if (!std::isfinite(mse))
     throw io::Error(io::ExitCode::kNumeric,
                     "fitting splats: the error of step " + std::to_string(step) + " is not finite",
-                    "Please report the run's options; --no-splats (train) or --splat-steps 0 (export) go "
-                    "without");
+                    kRemedy);
   const auto n_steps = static_cast<float>(step + 1);
   const kernels::AdamStep adam{.learning_rate = static_cast<float>(std::pow(kLastShare, progress)),
                                .beta1 = kBeta1,
@@ -111,6 +113,14 @@ void SplatAdam::Move(const kernels::AdamStep& adam, std::size_t begin, std::size
   }
 }
 
+void RequireFinite(const Splats& splats) {
+  for (const auto* values :
+       {&splats.places, &splats.log_scales, &splats.rotations, &splats.opacities, &splats.colours}) {
+    if (!std::all_of(values->begin(), values->end(), [](float value) { return std::isfinite(value); }))
+      throw io::Error(io::ExitCode::kNumeric, "fitting splats: a value is not finite", kRemedy);
+  }
+}
+
 std::size_t SplatTurn(std::size_t n_targets, std::uint64_t seed, std::uint64_t step) {
   std::vector<std::pair<std::uint64_t, std::size_t>> keys;
   for (std::size_t i = 0; i < n_targets; ++i)
@@ -141,6 +151,7 @@ void OptimizeSplats(const std::vector<SplatTarget>& targets, const SplatOptions&
     shown_mse += (mse - shown_mse) / std::min(i + 1, kShownSteps);
     options.progress(static_cast<double>(i + 1) / options.steps, -10 * std::log10(shown_mse));
   }
+  RequireFinite(*splats);
 }
 
 }  // namespace nerf

@@ -44,6 +44,10 @@ class SplatAdam {
   SplatRasteriser rasteriser_;
 };
 
+// Of fitted splats. Throws kNumeric: a value that is not finite can take its splat out of every picture, and
+// so out of the errors of all steps.
+void RequireFinite(const Splats& splats);
+
 // Which of n targets a step takes: all of them in a new order each round.
 std::size_t SplatTurn(std::size_t n_targets, std::uint64_t seed, std::uint64_t step);
 // The background of a step, another each time, so that what is transparent stays so.

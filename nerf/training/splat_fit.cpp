@@ -147,6 +147,7 @@ void SplatFit::ChooseShare() {
 std::string SplatFit::Finish() {
   SplatState& state = state_->splats;
   state.moments = {};
+  RequireFinite(scene_field_->splats);
   const double share = scene_field_->splat_share;
   std::string text = fmt::format(
       "{} splats in {} steps, {:.0f} % of the picture", scene_field_->splats.size(), state.step, 100 * share);

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
+#include "io/base/error.h"
 #include "nerf/data/capture_geometry.h"
 #include "nerf/rendering/splat_mixing.h"
 #include "nerf/rendering/trained_field.h"
@@ -88,6 +90,14 @@ TEST_F(SplatFits, HalfOfTheSurfacePointsLieWherePicturesChange) {
     return std::abs(point.rgb.x() - 128 / 255.f) < 0.01f;
   });
   EXPECT_NEAR(static_cast<double>(n_grey) / 2000, 0.5 * 0.75, 0.06);
+}
+
+TEST_F(SplatFits, AreNotFinishedWithAValueThatIsNotFinite) {
+  SplatFit fit = Fit(&workers_);
+  fit.Step(0);
+  scene_field_->splats.log_scales[7] = std::numeric_limits<float>::quiet_NaN();
+  fit.Step(0.9);  // no picture shows that splat
+  EXPECT_ERROR(fit.Finish(), io::ExitCode::kNumeric, "a value is not finite");
 }
 
 TEST_F(SplatFits, LeaveTheSkyToTheField) {
