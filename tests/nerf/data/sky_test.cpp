@@ -93,7 +93,7 @@ TEST(Sky, HasNothingBeforeIt) {
   Capture capture(Above(Blue));
   // Projects to (64, 20), (54, 20), (44, 20) of the three views.
   capture.scene.points = {{.xyz = {0, 2.8, -10}, .frame_indices = {0, 1, 2}}};
-  const auto shows = [&](int view, int x, int y) {
+  const auto shows = [&](int view, int x, int y) -> bool {
     return capture.Sky()[static_cast<std::size_t>((view * kRows + y) * kColumns + x)];
   };
   for (int view = 0; view < 3; ++view) {
