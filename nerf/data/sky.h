@@ -10,7 +10,8 @@ namespace nerf {
 
 // Whether each pixel shows the sky; empty: none does. A sky
 // - is blue, or so bright that it is nearly white; grey clouds count where it surrounds them,
-// - reaches from above the horizon to the upper edge of the picture without a step in its colours,
+// - reaches the upper edge of the picture without a step in its colours, but hardly below the horizon,
+// - has no texture,
 // - and has nothing before it: no sparse point, of whatever view, projects to it.
 // Pictures have to have three channels.
 std::vector<bool> FindSky(const io::Scene& scene, const Dataset& dataset, io::Workers* workers);

@@ -105,7 +105,7 @@ void Trainer::Begin() {
   if (dataset_.channels == 4 && !had_alpha) RequireHullMemory(dataset_, options_);
   if (dataset_.channels == 3) {
     dataset_.depths = SparseDepths(scene_, dataset_);
-    dataset_.sky = FindSky(scene_, dataset_, &workers_);
+    if (options_.field.kind == FieldKind::kHash) dataset_.sky = FindSky(scene_, dataset_, &workers_);
     const auto n_sky = std::count(dataset_.sky.begin(), dataset_.sky.end(), true);
     if (n_sky > 0)
       report_.events.push_back(

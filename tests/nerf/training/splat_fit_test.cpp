@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "io/base/error.h"
+#include "io/image/image.h"
 #include "nerf/data/capture_geometry.h"
 #include "nerf/rendering/splat_mixing.h"
 #include "nerf/rendering/trained_field.h"
@@ -98,6 +100,35 @@ TEST_F(SplatFits, AreNotFinishedWithAValueThatIsNotFinite) {
   scene_field_->splats.log_scales[7] = std::numeric_limits<float>::quiet_NaN();
   fit.Step(0.9);  // no picture shows that splat
   EXPECT_ERROR(fit.Finish(), io::ExitCode::kNumeric, "a value is not finite");
+}
+
+TEST(Training, FindsTheSkyOfItsPictures) {
+  const TempDir dir;
+  io::Image picture = io::MakeImage(48, 36, 3);
+  for (int y = 0; y < 36; ++y) {
+    for (int x = 0; x < 48; ++x) {
+      const int level = (x / 3 + y / 3) % 2 == 0 ? 90 : 150;
+      const std::array<int, 3> rgb = y < 14 ? std::array{90 + y, 130 + y, 200} : std::array{level, level, 60};
+      std::copy(rgb.begin(), rgb.end(), picture.Pixel(x, y));
+    }
+  }
+  io::Scene scene;
+  scene.cameras = {{.width = 48, .height = 36, .fl_x = 40, .fl_y = 40, .cx = 24, .cy = 18}};
+  for (int i = 0; i < 3; ++i) {
+    io::Frame frame{.image_path = dir / ("view" + std::to_string(i) + ".png")};
+    frame.world_from_cam.translation = {static_cast<double>(i), 0, 4};
+    io::WriteImage(frame.image_path, picture);
+    scene.frames.push_back(frame);
+  }
+  TrainOptions options = FitOptions(2);
+  options.splats = false;
+  const std::vector<std::string> events = Train(scene, {}, options, dir.path()).events;
+  EXPECT_EQ(std::count_if(events.begin(),
+                          events.end(),
+                          [](const std::string& event) {
+                            return event.starts_with("the pictures show the sky in 39 %");  // 14 of 36 rows
+                          }),
+            1);
 }
 
 TEST_F(SplatFits, LeaveTheSkyToTheField) {
