@@ -26,7 +26,7 @@ struct OptionRule {
   // Throws kUsage, for values that have a form of their own.
   std::function<void(const std::string& option_name, const std::string& text)> check;
   bool affects_result = true;  // false: not in the stage cache's key (threads, output folder)
-  std::string required;  // what a missing value is called, such as DIR; empty: it may be missing
+  std::string required;        // what a missing value is called, such as DIR; empty: it may be missing
 };
 
 class Options {
