@@ -241,6 +241,7 @@ void Trainer::TrainField() {
     AfterStep();
   }
   field_->scene_field()->step_scale = 1;
+  field_->scene_field()->field->Refresh();  // as a checkpoint would be read: splats begin on what it shows
   state_.field_s = clock_.Elapsed() - part_begin_s_;
   field_run_s_ += state_.field_s - begin_s;
 }
@@ -250,12 +251,12 @@ void Trainer::FitSplats() {
   if (is_finished || io::FromFirst(IsTargetReached())) return;
   const double now = clock_.Elapsed();
   if (state_.splats.step == 0) state_.splats.begin_s = now;
-  part_begin_s_ = state_.splats.begin_s;
   const bool ends_early = io::FromFirst(report_.ended_early);
   const double shortest_s = std::max(TrainingProgress::kMinWindDownS, TrainingProgress::kWindDownShare * now);
   progress_.emplace(options_.steps > 0 && !ends_early ? 1 + options_.steps / kFieldSteps : 0,
-                    ends_early ? shortest_s : std::max(budget_s_ - part_begin_s_, shortest_s));
+                    ends_early ? shortest_s : std::max(budget_s_ - state_.splats.begin_s, shortest_s));
   splats_.emplace(scene_, dataset_, field_->WorldFromCam(), field_->scene_field(), &state_, &workers_);
+  part_begin_s_ = state_.splats.begin_s;
   for (double progress = NextProgress(); progress < 1; progress = NextProgress()) {
     splats_->Step(progress);
     AfterStep();

@@ -142,6 +142,25 @@ TEST(Trainer, SplatsFollowTheFieldAndAreDoneOnce) {
   EXPECT_EQ(ReadCheckpoint(without.path() / "checkpoint.bin", &state)->splats.size(), 0u);
 }
 
+// They read more of the field than its training does: also what is brought up to date only now and then.
+TEST(Trainer, SplatsAreTheSameAfterAnInterruptionBeforeTheyBegin) {
+  const TempDir straight, interrupted;
+  TrainOptions options = SmallOptions(60);
+  const auto train = [&](const TempDir& dir) {
+    Train(MakeScene(dir.path(), 8, 0, Behind::kRoom), {}, options, dir.path());
+    TrainState state;
+    return ReadCheckpoint(dir.path() / "checkpoint.bin", &state)->splats;
+  };
+  const Splats want = train(straight);
+  options.splats = false;
+  EXPECT_EQ(train(interrupted).size(), 0u);
+  options.splats = true;
+  const Splats got = train(interrupted);
+  EXPECT_GT(want.size(), 0u);
+  EXPECT_EQ(got.places, want.places);
+  EXPECT_EQ(got.colours, want.colours);
+}
+
 TEST(Trainer, SameBytesForAnyNumberOfThreads) {
   const TempDir dir;
   std::set<std::string> hashes;
