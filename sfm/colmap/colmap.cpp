@@ -8,12 +8,10 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
-#include "io/process/parallel.h"
 #include "io/process/process.h"
-#include "io/process/progress.h"
-#include "sfm/colmap/colmap_messages.h"
 #include "sfm/colmap/colmap_step.h"
 #include "sfm/colmap/log_progress.h"
+#include "sfm/features/shared_features.h"
 
 namespace sfm {
 namespace {
@@ -24,13 +22,9 @@ using io::ExitCode;
 
 // Limits against hanging: ten times what the slowest supported machine was seen to need.
 constexpr double kExtractionLimitS = 300, kExtractionLimitPerPictureS = 60;
-constexpr double kVerifyingLimitS = 300, kVerifyingLimitPerPairS = 5;
 constexpr double kHelpLimitS = 60;
 // COLMAP's threads reserve much more address space than they touch; this still stops a run-away reader.
 constexpr std::size_t kMaxMemoryBytes = std::size_t{16} << 30;
-// Pairs per process: about a second of work, so that progress shows. COLMAP draws its random samples per
-// process, so this number is part of the result and must not depend on the machine.
-constexpr std::size_t kPairsPerShard = 128;
 constexpr int kLogLines = 8;
 
 std::string Joined(const std::vector<std::string>& lines) {
@@ -51,19 +45,6 @@ std::string HelpText(const fs::path& program, const std::string& command, const 
                 "Reinstall it (apt-get install --reinstall colmap)");
   }
   return text;
-}
-
-// Of the pictures that the pairs name; the others have none. No descriptors.
-std::vector<Features> KeypointsOf(const std::vector<PairMatches>& pairs,
-                                  const std::vector<Features>& features) {
-  std::vector<Features> named(features.size());
-  for (const PairMatches& pair : pairs) {
-    for (const int i : {pair.a, pair.b}) {
-      const auto picture = static_cast<std::size_t>(i);
-      if (named[picture].keypoints.empty()) named[picture].keypoints = features[picture].keypoints;
-    }
-  }
-  return named;
 }
 
 }  // namespace
@@ -178,72 +159,12 @@ std::vector<Features> Colmap::ExtractFeatures(const fs::path& images_folder,
   return features;
 }
 
-void Colmap::VerifyShard(const CapturedViews& views,
-                         const std::vector<PairMatches>& shard,
-                         const fs::path& database) {
-  fs::path list = database, log = database;
-  list.replace_extension(".txt"), log.replace_extension(".log");
-  CreateDatabase(database);
-  WritePictures(database, views.groups, views.camera_model, views.names, KeypointsOf(shard, views.features));
-  WriteMatches(database, views.names, shard);
-  std::vector<std::string> lines;
-  for (const PairMatches& pair : shard) {
-    lines.push_back(views.names[static_cast<std::size_t>(pair.a)] + " " +
-                    views.names[static_cast<std::size_t>(pair.b)]);
-  }
-  io::WriteFileAtomically(list, Joined(lines));
-  // Pairs whose matches are in the database are not matched again, only verified.
-  Run({.command = "matches_importer",
-       .arguments = {"--database_path",
-                     database.string(),
-                     "--match_list_path",
-                     list.string(),
-                     "--match_type",
-                     "pairs",
-                     flags_.matching_use_gpu,
-                     "0",
-                     flags_.matching_threads,
-                     "1"},
-       .log = log,
-       .limit_s = kVerifyingLimitS + kVerifyingLimitPerPairS * static_cast<double>(shard.size())});
-  fs::remove(list);
-  fs::remove(log);
-}
-
-io::TaskResults Colmap::VerifySome(const CapturedViews& views,
-                                   const Shards& shards,
-                                   const std::vector<std::size_t>& tasks) {
-  std::size_t n_pairs = 0, done = 0;
-  for (const std::size_t i : tasks) n_pairs += shards[i].size();
-  io::Progress progress("sfm: verifying");
-  io::TaskResults databases(tasks.size());
-  io::ParallelFor(tasks.size(), threads_, [&](std::size_t i) {
-    const fs::path database = work_folder_ / fmt::format("shard{}.db", tasks[i]);
-    VerifyShard(views, shards[tasks[i]], database);
-    databases[i] = database.lexically_relative(SharedFolder());
-    const std::lock_guard lock(mutex_);
-    ++done;
-    progress.Update(static_cast<double>(done) / static_cast<double>(tasks.size()),
-                    fmt::format("{} pairs", n_pairs));
-  });
-  return databases;
-}
-
 void Colmap::VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches) {
-  Shards shards((matches.size() + kPairsPerShard - 1) / kPairsPerShard);
-  for (std::size_t i = 0; i < matches.size(); ++i) shards[i / kPairsPerShard].push_back(matches[i]);
-  const io::TaskResults databases = io::ShareOut(
-      kVerifyWork,
-      shards.size(),
-      [&] { return TellVerifying(work_folder_.filename(), views, shards); },
-      [&](const std::vector<std::size_t>& tasks) { return VerifySome(views, shards, tasks); });
+  const std::vector<TwoViewGeometry> geometries = VerifyOnAllRanks(views.features, matches, threads_);
   CreateDatabase(database_);
   WritePictures(database_, views.groups, views.camera_model, views.names, views.features);
   WriteMatches(database_, views.names, matches);
-  for (const std::string& name : databases) {
-    CopyGeometries(SharedFolder() / name, database_);
-    fs::remove(SharedFolder() / name);
-  }
+  WriteGeometries(database_, views.names, matches, geometries);
 }
 
 }  // namespace sfm

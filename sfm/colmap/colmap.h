@@ -1,7 +1,7 @@
 // Runs the installed COLMAP step by step. Each step gets an argument vector, a wall-clock and an
 // address-space limit, and its product is verified: COLMAP exits 0 after skipping unreadable pictures or on a
 // full disk. Every process works with one thread, the only way in which COLMAP repeats itself bit for bit
-// (colmap/colmap#727); verification and blocks of pictures are spread over processes, and over ranks
+// (colmap/colmap#727); blocks of pictures are spread over processes, and over ranks
 // (io/process/shared_work.h).
 #pragma once
 
@@ -46,7 +46,7 @@ class Colmap {
                                         const std::vector<std::string>& names,
                                         const FeatureOptions& options);
 
-  // Finds the two-view geometry of each pair and leaves views and geometries in database().
+  // Leaves views, matches and the two-view geometry of each pair (sfm/features/two_view.h) in database().
   void VerifyMatches(const CapturedViews& views, const std::vector<PairMatches>& matches);
 
   // Incremental mapping; the folders of all sub-models, none when COLMAP found no initial pair.
@@ -86,7 +86,6 @@ class Colmap {
 
  private:
   struct Step;
-  using Shards = std::vector<std::vector<PairMatches>>;
   using Blocks = std::vector<std::vector<std::string>>;
 
   // database: of the work of which this does a part, on another rank.
@@ -99,13 +98,6 @@ class Colmap {
                   const std::filesystem::path& output,
                   int n_pictures) const;
   void CreateDatabase(const std::filesystem::path& path);
-  void VerifyShard(const CapturedViews& views,
-                   const std::vector<PairMatches>& shard,
-                   const std::filesystem::path& database);
-  // The databases of these shards, relative to SharedFolder().
-  io::TaskResults VerifySome(const CapturedViews& views,
-                             const Shards& shards,
-                             const std::vector<std::size_t>& tasks);
   // The folders of the models of these blocks, packed, relative to SharedFolder().
   io::TaskResults MapSome(const std::filesystem::path& images_folder,
                           const Blocks& blocks,

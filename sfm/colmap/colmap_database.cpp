@@ -15,7 +15,7 @@ namespace {
 // pair_id = kMaxImages * smaller image id + larger image id.
 constexpr std::int64_t kMaxImages = 2147483647;
 // TwoViewGeometry::ConfigurationType: 0 and 1 are failures; 4 planar, 5 panoramic, 6 one of the two.
-constexpr int kConfigDegenerate = 1, kConfigPlanar = 4, kConfigPlanarOrPanoramic = 6;
+constexpr int kConfigDegenerate = 1, kConfigUncalibrated = 3, kConfigPlanar = 4, kConfigPlanarOrPanoramic = 6;
 constexpr double kFocalGuess = 1.2;  // of the longer side
 constexpr int kSensorTypeCamera = 0;
 
@@ -127,6 +127,34 @@ std::vector<Keypoint> Keypoints(const SqliteConnection& database, sqlite3_stmt* 
   return keypoints;
 }
 
+// How COLMAP numbers a pair and its matches: the picture of the smaller id comes first.
+class PairRows {
+ public:
+  // names: what pairs count pictures by.
+  PairRows(const SqliteConnection& database, const std::vector<std::string>& names) {
+    std::map<std::string, std::int64_t> ids;
+    database.ForEachRow("SELECT image_id, name FROM images",
+                        [&](sqlite3_stmt* row) { ids[Text(row, 1)] = sqlite3_column_int64(row, 0); });
+    for (const std::string& name : names) ids_.push_back(ids.at(name));
+  }
+
+  // The first three parameters: number, count and indices.
+  void Bind(sqlite3_stmt* statement, int a, int b, const std::vector<std::array<int, 2>>& matches) const {
+    const std::int64_t id_a = ids_[static_cast<std::size_t>(a)], id_b = ids_[static_cast<std::size_t>(b)];
+    std::vector<std::uint32_t> indices;
+    for (const auto& [in_a, in_b] : matches) {
+      indices.push_back(static_cast<std::uint32_t>(id_a < id_b ? in_a : in_b));
+      indices.push_back(static_cast<std::uint32_t>(id_a < id_b ? in_b : in_a));
+    }
+    sqlite3_bind_int64(statement, 1, kMaxImages * std::min(id_a, id_b) + std::max(id_a, id_b));
+    sqlite3_bind_int64(statement, 2, static_cast<std::int64_t>(matches.size()));
+    BindBlob(statement, 3, indices);
+  }
+
+ private:
+  std::vector<std::int64_t> ids_;
+};
+
 }  // namespace
 
 double FocalOrGuess(const CameraGroup& group) {
@@ -156,33 +184,32 @@ void WriteMatches(const std::filesystem::path& path,
                   const std::vector<std::string>& names,
                   const std::vector<PairMatches>& matches) {
   const SqliteConnection database(path);
-  std::map<std::string, std::int64_t> ids;
-  database.ForEachRow("SELECT image_id, name FROM images",
-                      [&](sqlite3_stmt* row) { ids[Text(row, 1)] = sqlite3_column_int64(row, 0); });
+  const PairRows rows(database, names);
   database.Execute("BEGIN");
   for (const PairMatches& pair : matches) {
-    const std::int64_t a = ids.at(names[static_cast<std::size_t>(pair.a)]),
-                       b = ids.at(names[static_cast<std::size_t>(pair.b)]);
-    std::vector<std::uint32_t> indices;
-    for (const auto& [in_a, in_b] : pair.matches) {
-      indices.push_back(static_cast<std::uint32_t>(a < b ? in_a : in_b));
-      indices.push_back(static_cast<std::uint32_t>(a < b ? in_b : in_a));
-    }
-    database.Execute("INSERT INTO matches(pair_id, rows, cols, data) VALUES(?,?,2,?)", [&](sqlite3_stmt* s) {
-      sqlite3_bind_int64(s, 1, kMaxImages * std::min(a, b) + std::max(a, b));
-      sqlite3_bind_int64(s, 2, static_cast<std::int64_t>(pair.matches.size()));
-      BindBlob(s, 3, indices);
-    });
+    database.Execute("INSERT INTO matches(pair_id, rows, cols, data) VALUES(?,?,2,?)",
+                     [&](sqlite3_stmt* s) { rows.Bind(s, pair.a, pair.b, pair.matches); });
   }
   database.Execute("COMMIT");
 }
 
-void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to) {
-  const SqliteConnection database(to);
-  database.Execute("ATTACH ? AS shard",
-                   [&](sqlite3_stmt* s) { sqlite3_bind_text(s, 1, from.c_str(), -1, SQLITE_TRANSIENT); });
-  database.Execute("INSERT INTO two_view_geometries SELECT * FROM shard.two_view_geometries");
-  database.Execute("DETACH shard");
+void WriteGeometries(const std::filesystem::path& path,
+                     const std::vector<std::string>& names,
+                     const std::vector<PairMatches>& pairs,
+                     const std::vector<TwoViewGeometry>& geometries) {
+  const SqliteConnection database(path);
+  const PairRows rows(database, names);
+  database.Execute("BEGIN");
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (geometries[i].kind == TwoViewKind::kNone) continue;
+    database.Execute("INSERT INTO two_view_geometries(pair_id, rows, cols, data, config) VALUES(?,?,2,?,?)",
+                     [&](sqlite3_stmt* s) {
+                       rows.Bind(s, pairs[i].a, pairs[i].b, geometries[i].matches);
+                       const bool is_flat = geometries[i].kind == TwoViewKind::kHomography;
+                       sqlite3_bind_int(s, 4, is_flat ? kConfigPlanarOrPanoramic : kConfigUncalibrated);
+                     });
+  }
+  database.Execute("COMMIT");
 }
 
 void CopyPairs(const std::filesystem::path& from, const std::filesystem::path& to, const PairFilter& takes) {

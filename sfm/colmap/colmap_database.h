@@ -1,7 +1,7 @@
-// COLMAP's SQLite database: features and matches go in, verified pairs come out. Contents are checked when
-// read: COLMAP skips unreadable pictures and exits 0. Schema: https://colmap.github.io/database.html, equal
-// from 3.8 to 4.x in the columns used here; the rigs and frames of 3.12 and later are filled in trivially
-// where the tables exist.
+// COLMAP's SQLite database: features, matches and verified pairs go in and come out. Contents are checked
+// when read: COLMAP skips unreadable pictures and exits 0. Schema: https://colmap.github.io/database.html,
+// equal from 3.8 to 4.x in the columns used here; the rigs and frames of 3.12 and later are filled in
+// trivially where the tables exist.
 #pragma once
 
 #include <array>
@@ -12,6 +12,7 @@
 
 #include "sfm/features/features.h"
 #include "sfm/features/matching.h"
+#include "sfm/features/two_view.h"
 
 namespace sfm {
 
@@ -46,13 +47,17 @@ void WritePictures(const std::filesystem::path& database,
                    const std::vector<std::string>& names,
                    const std::vector<Features>& features);
 
-// Adds matches that are still to be verified; PairMatches::a and b are indices of `names`.
+// Adds matches; PairMatches::a and b are indices of `names`.
 void WriteMatches(const std::filesystem::path& database,
                   const std::vector<std::string>& names,
                   const std::vector<PairMatches>& matches);
 
-// Appends the verified geometries of one database to another one with the same pictures.
-void CopyGeometries(const std::filesystem::path& from, const std::filesystem::path& to);
+// Adds what explains these pairs, for those that anything explains. The matrices stay empty: the mapper
+// estimates them again from the matches where it wants them.
+void WriteGeometries(const std::filesystem::path& database,
+                     const std::vector<std::string>& names,
+                     const std::vector<PairMatches>& pairs,
+                     const std::vector<TwoViewGeometry>& geometries);
 
 // Whether to take a pair of pictures, by their names.
 using PairFilter = std::function<bool(const std::string&, const std::string&)>;

@@ -155,12 +155,6 @@ void Colmap::AddWorks(const fs::path& work_folder,
                       const fs::path& images_folder,
                       int threads,
                       io::ToldWorks* works) {
-  (*works)[kVerifyWork] = [=](const std::string& told, const std::vector<std::size_t>& tasks) {
-    const VerifyingMessage message = ToldVerifying(told);
-    const fs::path folder = work_folder / message.folder;
-    Colmap colmap(folder / OwnFolder(), threads, folder / kDatabase);
-    return colmap.VerifySome(message.views, message.shards, tasks);
-  };
   (*works)[kMapWork] = [=](const std::string& told, const std::vector<std::size_t>& tasks) {
     const MappingMessage message = ToldMapping(told);
     const fs::path folder = work_folder / message.folder;

@@ -4,21 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "sfm/colmap/colmap.h"
-
 namespace sfm {
 
-constexpr const char *kVerifyWork = "verify", *kMapWork = "map";
-
-struct VerifyingMessage {
-  std::string folder;
-  CapturedViews views;  // without descriptors
-  std::vector<std::vector<PairMatches>> shards;
-};
-std::string TellVerifying(const std::string& folder,
-                          const CapturedViews& views,
-                          const std::vector<std::vector<PairMatches>>& shards);
-VerifyingMessage ToldVerifying(const std::string& bytes);
+constexpr const char* kMapWork = "map";
 
 struct MappingMessage {
   std::string folder;

@@ -87,7 +87,6 @@ ColmapFlags ParseColmapHelp(const std::string& extractor_help,
       .extraction_features =
           extractor({"--SiftExtraction.max_num_features", "--FeatureExtraction.max_num_features"}),
       .matching_use_gpu = matcher({"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}),
-      .matching_threads = matcher({"--FeatureMatching.num_threads", "--SiftMatching.num_threads"}),
       .mapper_threads = FirstListed("mapper", mapper_help, {"--Mapper.num_threads"}),
       .mapper_options = MapperOptions(mapper_help),
       .two_view_tracks = Listed(mapper_help, {{{"--Mapper.tri_ignore_two_view_tracks"}, "0"}}),

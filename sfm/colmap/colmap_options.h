@@ -10,7 +10,7 @@ namespace sfm {
 // Flags with their leading dashes.
 struct ColmapFlags {
   std::string extraction_use_gpu, extraction_threads, extraction_image_size, extraction_features;
-  std::string matching_use_gpu, matching_threads;
+  std::string matching_use_gpu;
   std::string mapper_threads;
   // Flags and values that suit what surrounds the mapper here; without those that it does not list.
   std::vector<std::string> mapper_options;

@@ -11,7 +11,7 @@ using io::TaskResults;
 using Tasks = std::vector<std::size_t>;
 using PairList = std::vector<std::array<int, 2>>;
 
-constexpr const char *kDetect = "detect", *kMatch = "match";
+constexpr const char *kDetect = "detect", *kMatch = "match", *kVerify = "verify";
 
 TaskResults DetectSome(const fs::path& images_folder,
                        const std::vector<std::string>& names,
@@ -35,6 +35,18 @@ TaskResults MatchSome(const std::vector<Features>& features,
   TaskResults results;
   for (const PairMatches& pair : MatchFeatures(features, own, threads))
     results.push_back(io::Packer().Add(pair.matches).Take());
+  return results;
+}
+
+TaskResults VerifySome(const std::vector<Features>& features,
+                       const std::vector<PairMatches>& pairs,
+                       int threads,
+                       const Tasks& tasks) {
+  std::vector<PairMatches> own;
+  for (const std::size_t i : tasks) own.push_back(pairs[i]);
+  TaskResults results;
+  for (const TwoViewGeometry& geometry : EstimateTwoViewGeometries(features, own, threads))
+    results.push_back(io::Packer().Add(geometry.kind).Add(geometry.matches).Take());
   return results;
 }
 
@@ -89,6 +101,30 @@ std::vector<PairMatches> MatchOnAllRanks(const std::vector<Features>& features,
   return matches;
 }
 
+std::vector<TwoViewGeometry> VerifyOnAllRanks(const std::vector<Features>& features,
+                                              const std::vector<PairMatches>& pairs,
+                                              int threads) {
+  if (!io::AllRanks().AreSeveral()) return EstimateTwoViewGeometries(features, pairs, threads);
+  const auto tell = [&] {
+    io::Packer told;
+    told.Add(features.size());
+    for (const Features& of : features) told.Add(of.keypoints);
+    told.Add(pairs.size());
+    for (const PairMatches& pair : pairs) told.Add(pair.a).Add(pair.b).Add(pair.matches);
+    return told.Take();
+  };
+  std::vector<TwoViewGeometry> geometries;
+  for (const std::string& bytes : io::ShareOut(kVerify, pairs.size(), tell, [&](const Tasks& tasks) {
+         return VerifySome(features, pairs, threads, tasks);
+       })) {
+    io::Unpacker result(bytes);
+    TwoViewGeometry& geometry = geometries.emplace_back();
+    result.Take(&geometry.kind);
+    result.Take(&geometry.matches);
+  }
+  return geometries;
+}
+
 void AddFeatureWorks(const fs::path& images_folder,
                      const fs::path& masks_folder,
                      int threads,
@@ -113,6 +149,18 @@ void AddFeatureWorks(const fs::path& images_folder,
       of.keypoints.resize(of.descriptors.size() / kDescriptorBytes);  // matching asks for their number alone
     }
     return MatchSome(features, pairs, threads, tasks);
+  };
+  (*works)[kVerify] = [=](const std::string& bytes, const Tasks& tasks) {
+    io::Unpacker told(bytes);
+    std::vector<Features> features(told.Take<std::size_t>());
+    for (Features& of : features) told.Take(&of.keypoints);
+    std::vector<PairMatches> pairs(told.Take<std::size_t>());
+    for (PairMatches& pair : pairs) {
+      told.Take(&pair.a);
+      told.Take(&pair.b);
+      told.Take(&pair.matches);
+    }
+    return VerifySome(features, pairs, threads, tasks);
   };
 }
 

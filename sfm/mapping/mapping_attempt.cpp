@@ -18,28 +18,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMinMatches = 15;  // COLMAP's --TwoViewGeometry.min_num_inliers
-
-// Whoever compares rays looks keypoints up by these indices.
-void CheckMatches(const CaptureEvidence& evidence) {
-  std::map<std::string, int> counts;
-  for (const PictureFeatures& picture : evidence.features) counts[picture.name] = picture.count;
-  for (const VerifiedPair& pair : evidence.pairs) {
-    const int n_a = counts[pair.name_a], n_b = counts[pair.name_b];
-    for (const auto& [a, b] : pair.matches) {
-      if (a >= 0 && a < n_a && b >= 0 && b < n_b) continue;
-      throw io::Error(io::ExitCode::kMissingTool,
-                      "colmap verified a match of " + pair.name_a + " and " + pair.name_b +
-                          " between keypoints that do not exist",
-                      "Install a COLMAP from 3.8 to 4.x (apt-get install colmap)");
-    }
-  }
-}
-
 std::vector<PairMatches> WithEnoughMatches(const std::vector<PairMatches>& matches) {
   std::vector<PairMatches> enough;
   for (const PairMatches& pair : matches) {
-    if (pair.matches.size() >= kMinMatches) enough.push_back(pair);
+    if (pair.matches.size() >= kLeastTwoViewMatches) enough.push_back(pair);
   }
   return enough;
 }
@@ -47,7 +29,6 @@ std::vector<PairMatches> WithEnoughMatches(const std::vector<PairMatches>& match
 void ReadEvidence(const Colmap& colmap, MappingAttempt* attempt) {
   attempt->evidence = {Summaries(attempt->views->names, attempt->views->features),
                        ReadVerifiedPairs(colmap.database())};
-  CheckMatches(attempt->evidence);
   DistinguishFlatPairs(*attempt->views, &attempt->evidence.pairs);
 }
 

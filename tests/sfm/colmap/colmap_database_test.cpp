@@ -138,39 +138,42 @@ TEST(ColmapDatabase, AffineShapesBecomeScaleAndAngle) {
   EXPECT_FLOAT_EQ(features.keypoints[0].angle, static_cast<float>(M_PI / 2));
 }
 
-TEST(ColmapDatabase, GeometriesAreCopiedAndRead) {
+TEST(ColmapDatabase, GeometriesAreWrittenAndRead) {
   TempDir folder;
-  const auto from = folder / "from.db", to = folder / "to.db";
-  for (const auto& path : {from, to}) {
-    CreateDatabase(path, false);
-    const std::vector<std::string> names = {"a.png", "b.png", "c.png"};
-    sfm::WritePictures(
-        path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, std::vector<sfm::Features>(3));
-  }
-  // 2 calibrated, 1 degenerate, 5 panoramic.
-  Query(from,
-        "INSERT INTO two_view_geometries VALUES(2147483649, 2, 2, x'01000000020000000300000004000000', 2), "
-        "(2147483650, 20, 2, NULL, 1), "
-        "(4294967297, 30, 2, zeroblob(240), 5)");
-  sfm::CopyGeometries(from, to);
-  const auto pairs = sfm::ReadVerifiedPairs(to);
+  const auto path = folder / "d.db";
+  CreateDatabase(path, false);
+  const std::vector<std::string> names = {"a.png", "b.png", "c.png"};
+  sfm::WritePictures(
+      path, {{.names = names, .width = 10, .height = 10}}, "PINHOLE", names, std::vector<sfm::Features>(3));
+  // The second one has nothing, and the third its pictures the other way round.
+  sfm::WriteGeometries(path,
+                       {"c.png", "b.png", "a.png"},
+                       {{2, 1, {}}, {2, 0, {}}, {0, 1, {}}},
+                       {{sfm::TwoViewKind::kEpipolar, {{1, 2}, {3, 4}}},
+                        {},
+                        {sfm::TwoViewKind::kHomography, {{5, 6}, {7, 8}, {9, 10}}}});
+  const auto pairs = sfm::ReadVerifiedPairs(path);
   ASSERT_EQ(pairs.size(), 2u);
-  EXPECT_EQ(pairs[0].name_b, "b.png");
+  EXPECT_EQ(pairs[0].name_a + pairs[0].name_b, "a.pngb.png");
   EXPECT_EQ(pairs[0].inliers, 2);
   EXPECT_EQ(pairs[0].matches, (std::vector<std::array<int, 2>>{{1, 2}, {3, 4}}));
   EXPECT_EQ(pairs[0].geometry, sfm::PairGeometry::kGeneral);
-  EXPECT_EQ(pairs[1].name_a, "b.png");
-  EXPECT_EQ(pairs[1].name_b, "c.png");
+  EXPECT_EQ(pairs[1].name_a + pairs[1].name_b, "b.pngc.png");
+  EXPECT_EQ(pairs[1].matches, (std::vector<std::array<int, 2>>{{6, 5}, {8, 7}, {10, 9}}));
   EXPECT_EQ(pairs[1].geometry, sfm::PairGeometry::kHomography);
-  // Uncalibrated, planar, planar or panoramic, several rigid motions.
-  for (const auto& [config, flat] : {std::pair{3, false}, {4, true}, {6, true}, {7, false}}) {
-    Query(to, "UPDATE two_view_geometries SET config = " + std::to_string(config) + " WHERE config > 1");
-    EXPECT_EQ(sfm::ReadVerifiedPairs(to)[0].geometry == sfm::PairGeometry::kHomography, flat) << config;
+  // Calibrated, uncalibrated, planar, panoramic, planar or panoramic, several rigid motions.
+  for (const auto& [config, flat] :
+       {std::pair{2, false}, {3, false}, {4, true}, {5, true}, {6, true}, {7, false}}) {
+    Query(path, "UPDATE two_view_geometries SET config = " + std::to_string(config));
+    EXPECT_EQ(sfm::ReadVerifiedPairs(path)[0].geometry == sfm::PairGeometry::kHomography, flat) << config;
   }
-  Query(to, "INSERT INTO two_view_geometries VALUES(9, 1, 2, zeroblob(8), 2)");
-  EXPECT_THROW(sfm::ReadVerifiedPairs(to), io::Error);  // no such pictures
-  Query(from, "UPDATE two_view_geometries SET rows = 3 WHERE pair_id = 2147483649");
-  EXPECT_THROW(sfm::ReadVerifiedPairs(from), io::Error);  // 2 inliers stored
+  Query(path, "INSERT INTO two_view_geometries VALUES(4294967298, 20, 2, NULL, 1)");
+  EXPECT_EQ(sfm::ReadVerifiedPairs(path).size(), 2u) << "degenerate";
+  Query(path, "INSERT INTO two_view_geometries VALUES(9, 1, 2, zeroblob(8), 2)");
+  EXPECT_ERROR(sfm::ReadVerifiedPairs(path), io::ExitCode::kBadState, "missing image");
+  Query(path, "DELETE FROM two_view_geometries WHERE pair_id = 9");
+  Query(path, "UPDATE two_view_geometries SET rows = 3 WHERE pair_id = 2147483649");
+  EXPECT_ERROR(sfm::ReadVerifiedPairs(path), io::ExitCode::kBadState, "do not have the stated size");
 }
 
 TEST(ColmapDatabase, PairsOfUnchangedPicturesAreTakenOver) {

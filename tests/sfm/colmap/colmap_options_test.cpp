@@ -51,7 +51,6 @@ TEST(ColmapOptions, Names38) {
   EXPECT_EQ(flags.extraction_image_size, "--SiftExtraction.max_image_size");
   EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
   EXPECT_EQ(flags.matching_use_gpu, "--SiftMatching.use_gpu");
-  EXPECT_EQ(flags.matching_threads, "--SiftMatching.num_threads");
   EXPECT_EQ(flags.mapper_threads, "--Mapper.num_threads");
   EXPECT_TRUE(flags.two_view_tracks.empty()) << "an option that is not listed";
   EXPECT_EQ(
@@ -73,7 +72,6 @@ TEST(ColmapOptions, Names40) {
   const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor40, kMatcher313, kMapper);
   EXPECT_EQ(flags.extraction_image_size, "--FeatureExtraction.max_image_size");
   EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
-  EXPECT_EQ(flags.matching_threads, "--FeatureMatching.num_threads");
 }
 
 TEST(ColmapOptions, AMissingOptionIsNamedAndALongerOneIsNotTakenForIt) {

@@ -26,6 +26,13 @@ io::ColmapModel Part(int first, int end, double noise_px = 0.5) {
   return model;
 }
 
+sfm::Features SomeFeatures() {
+  sfm::Features features;
+  for (int i = 0; i < 15; ++i)
+    features.keypoints.push_back({static_cast<float>(40 * i), static_cast<float>(i * i % 7 * 60)});
+  return features;
+}
+
 class Mapping : public StandInColmap {
  protected:
   // models: what the mapper finds; merged: what the merger makes of two of them.
@@ -38,15 +45,13 @@ class Mapping : public StandInColmap {
     fs::remove(folder_ / "empty.db");
     CreateDatabase(folder_ / "empty.db", false);
     const std::string f = folder_.string();
-    Install(
-        "cd " + f +
-        "\n"
-        "case $1 in\n"
-        "  database_creator) cp empty.db \"$3\";;\n"
-        "  matches_importer) cp \"$5\" pairs.txt; if [ -f verified.db ]; then cp verified.db \"$3\"; fi;;\n"
-        "  mapper) cp -r models/* \"$7\";;\n"
-        "  model_merger) cp merged/* \"$7\"; touch was_merged;;\n"
-        "esac");
+    Install("cd " + f +
+            "\n"
+            "case $1 in\n"
+            "  database_creator) cp empty.db \"$3\";;\n"
+            "  mapper) cp -r models/* \"$7\";;\n"
+            "  model_merger) cp merged/* \"$7\"; touch was_merged;;\n"
+            "esac");
     fs::remove(folder_ / "was_merged");
     std::vector<sfm::Picture> pictures;
     for (int i = 0; i < kPictures; ++i) {
@@ -55,7 +60,7 @@ class Mapping : public StandInColmap {
     views_ = std::make_shared<sfm::CapturedViews>(
         sfm::CapturedViews{.names = sfm::Names(pictures),
                            .groups = sfm::CameraGroups(pictures),
-                           .features = std::vector<sfm::Features>(kPictures)});
+                           .features = std::vector<sfm::Features>(kPictures, SomeFeatures())});
     return sfm::Attempt(pictures, views_, std::move(matches), "", folder_ / "work", {});
   }
 
@@ -110,31 +115,21 @@ TEST_F(Mapping, ModelsOfOtherPicturesAreNotBelieved) {
 
 // Pairs with too few matches are not verified, but an attempt keeps all that it was made from.
 TEST_F(Mapping, AnAttemptKeepsWhatItWasMadeFrom) {
-  const std::vector<sfm::PairMatches> matches = {
-      {.a = 0, .b = 1, .matches = std::vector<std::array<int, 2>>(14)},
-      {.a = 0, .b = 2, .matches = std::vector<std::array<int, 2>>(15)}};
+  std::vector<sfm::PairMatches> matches = {{.a = 0, .b = 1, .matches = {}}, {.a = 0, .b = 2, .matches = {}}};
+  for (int i = 0; i < 15; ++i) {
+    if (i < 14) matches[0].matches.push_back({i, i});
+    matches[1].matches.push_back({i, i});
+  }
   const sfm::MappingAttempt attempt = Attempt({Part(0, 4)}, Part(0, 4), matches);
-  EXPECT_EQ(ReadText(folder_ / "pairs.txt"), "p0.png p2.png\n");
   EXPECT_EQ(attempt.views, views_);
   ASSERT_EQ(attempt.matches.size(), 2u);
   EXPECT_EQ(attempt.matches[0].matches.size(), 14u);
   EXPECT_EQ(attempt.Registered(), 4);
-}
-
-TEST_F(Mapping, MatchesOfKeypointsThatDoNotExistAreNotBelieved) {
-  CreateDatabase(folder_ / "verified.db", false);
-  sqlite3* handle = nullptr;
-  ASSERT_EQ(sqlite3_open((folder_ / "verified.db").c_str(), &handle), SQLITE_OK);
-  // Of the first two pictures; pair_id = 2147483647 id_a + id_b.
-  const char* pair = "INSERT INTO two_view_geometries VALUES(2147483649, 1, 2, X'0000000000000000', 2);";
-  ASSERT_EQ(sqlite3_exec(handle, pair, nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(handle);
-  const std::vector<sfm::PairMatches> matches = {
-      {.a = 0, .b = 1, .matches = std::vector<std::array<int, 2>>(15)}};
-  EXPECT_ERROR(Attempt({Part(0, 4)}, Part(0, 4), matches),
-               io::ExitCode::kMissingTool,
-               "p0.png and p1.png",
-               "keypoints that do not exist");
+  ASSERT_EQ(attempt.evidence.pairs.size(), 1u);
+  EXPECT_EQ(attempt.evidence.pairs[0].name_a + attempt.evidence.pairs[0].name_b, "p0.pngp2.png");
+  EXPECT_EQ(attempt.evidence.pairs[0].matches, matches[1].matches);
+  // Both pictures show the points at the same places.
+  EXPECT_EQ(attempt.evidence.pairs[0].geometry, sfm::PairGeometry::kRotation);
 }
 
 TEST_F(Mapping, NoModelIsAnAttemptToo) { EXPECT_EQ(Attempt({}, Part(0, 4)).Registered(), 0); }
