@@ -1,4 +1,4 @@
-// Pictures in, cameras and sparse points out: detects and matches features, lets COLMAP verify and map them,
+// Pictures in, cameras and sparse points out: detects, matches and verifies features, lets COLMAP map them,
 // reads all of its models, judges the largest, tries again with stronger settings when too few pictures
 // register, and adjusts the model that is kept.
 #pragma once

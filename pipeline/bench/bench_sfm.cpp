@@ -52,7 +52,7 @@ int RunBenchSfm(int argc, const char* const* argv) {
     sweep.sizes = SplitIntegers("sizes", sizes, 0);
     sweep.matching = SplitList(matching);
     sweep.detectors = SplitList(detectors);
-    matrix.out = sweep.out = common.out;
+    matrix.out = sweep.out = std::filesystem::absolute(common.out);  // COLMAP works in folders of its own
     matrix.threads = sweep.threads = ResolvedThreads(common);
     io::ClaimFolder(common.out);
     if (wants_kernels) RunKernels({.out = common.out});

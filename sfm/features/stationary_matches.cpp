@@ -9,7 +9,7 @@ namespace {
 constexpr float kStationaryPx = 4;
 // Between the two limits a match may be either.
 constexpr float kMovingPx = 12;
-constexpr int kMinMatches = 15;  // as many as COLMAP needs to verify a pair
+constexpr int kMinMatches = 15;  // as many as two-view geometry needs
 constexpr double kMinStationaryShare = 0.2;
 constexpr double kMinSplitShare = 0.5;
 constexpr int kCells = 8;  // along each side of the grid of StationaryShare::covered

@@ -1,4 +1,4 @@
-// A mapping attempt: COLMAP verifies and maps given matches, and the models it wrote are read.
+// A mapping attempt: given matches are verified, COLMAP maps them, and the models it wrote are read.
 #pragma once
 
 #include <filesystem>

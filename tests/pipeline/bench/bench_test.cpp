@@ -177,6 +177,19 @@ TEST(Bench, TheMatrixWritesOneLinePerRun) {
   EXPECT_EQ(CountEntries(dir / "out"), 2);  // the marker and the table: the work folder is gone
 }
 
+// COLMAP, which works elsewhere, gets to see the folder as well.
+TEST(Bench, AFolderMayBeGivenRelativeToTheCurrentOne) {
+  REQUIRE_PROGRAM("colmap");
+  const TempDir dir;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(dir.path());
+  const auto [code, message] = Bench({"sfm", "--out", "out", "--matrix", "--cases", "S17.1"});
+  std::filesystem::current_path(before);
+  EXPECT_EQ(code, 0) << message;
+  const std::string csv = ReadText(dir / "out" / "matrix.csv");
+  EXPECT_NE(csv.find(",S17.1,20 features per picture,1,1,0,14,"), std::string::npos) << csv;
+}
+
 TEST(Bench, CsvFieldsAreQuotedWhereNeeded) {
   EXPECT_EQ(pipeline::CsvLine({"a", "", "b c"}), "a,,b c\n");
   EXPECT_EQ(pipeline::CsvLine({"", "x"}), ",x\n");
