@@ -45,15 +45,11 @@ struct Support {
   bool IsEnough() const { return count >= kLeastTwoViewMatches; }
 };
 
-// estimate(params, mask) calls OpenCV, which throws where points lie so that no sample has a model.
+// estimate(params, mask): the mask stays empty where no sample has a model.
 template <typename Estimate>
 Support SupportOf(const Estimate& estimate) {
   Support support;
-  try {
-    estimate(Usac(), support.mask);
-  } catch (const cv::Exception&) {
-    return {};
-  }
+  estimate(Usac(), support.mask);
   support.count = static_cast<std::size_t>(std::count_if(
       support.mask.begin(), support.mask.end(), [](std::uint8_t supports) { return supports != 0; }));
   return support;
