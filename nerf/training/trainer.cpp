@@ -241,7 +241,7 @@ void Trainer::TrainField() {
     AfterStep();
   }
   field_->scene_field()->step_scale = 1;
-  field_->scene_field()->field->Refresh();  // as a checkpoint would be read: splats begin on what it shows
+  field_->scene_field()->field->Refresh();  // as when it is read: an interruption here changes no splat
   state_.field_s = clock_.Elapsed() - part_begin_s_;
   field_run_s_ += state_.field_s - begin_s;
 }
