@@ -25,10 +25,11 @@ class ColmapRun {
       throw io::Error(io::ExitCode::kMissingTool, "colmap: not found on PATH", "Run: apt-get install colmap");
     }
     program_ = program->string();
-    flags_ = sfm::ParseColmapHelp(Help("feature_extractor"), Help("matches_importer"), Help("mapper"));
+    flags_ = sfm::ParseColmapHelp(Help("feature_extractor"), Help("mapper"));
   }
 
   const sfm::ColmapFlags& flags() const { return flags_; }
+  std::string MatchingGpuFlag() const { return sfm::MatchingGpuFlag(Help("exhaustive_matcher")); }
 
   void Step(const std::string& command, const std::vector<std::string>& arguments, io::ResourceUse* use) {
     std::vector<std::string> argv = {program_, command, "--database_path", (work_ / "database.db").string()};
@@ -80,7 +81,7 @@ io::ColmapModel RunColmapPreset(const ColmapPreset& preset,
   if (preset.size > 0)
     extraction.insert(extraction.end(), {colmap.flags().extraction_image_size, std::to_string(preset.size)});
   colmap.Step("feature_extractor", extraction, use);
-  colmap.Step("exhaustive_matcher", {colmap.flags().matching_use_gpu, "0"}, use);
+  colmap.Step("exhaustive_matcher", {colmap.MatchingGpuFlag(), "0"}, use);
   colmap.Step("mapper", {"--image_path", images.string(), "--output_path", (work / "sparse").string()}, use);
 
   io::ColmapModel largest;

@@ -66,7 +66,6 @@ Colmap::Colmap(fs::path work_folder, int threads, fs::path database)
       static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)));
   fs::create_directories(work_folder_);
   flags_ = ParseColmapHelp(HelpText(program_, "feature_extractor", work_folder_),
-                           HelpText(program_, "matches_importer", work_folder_),
                            HelpText(program_, "mapper", work_folder_));
 }
 

@@ -70,14 +70,9 @@ std::vector<std::string> MapperOptions(const std::string& help) {
 
 }  // namespace
 
-ColmapFlags ParseColmapHelp(const std::string& extractor_help,
-                            const std::string& matcher_help,
-                            const std::string& mapper_help) {
+ColmapFlags ParseColmapHelp(const std::string& extractor_help, const std::string& mapper_help) {
   const auto extractor = [&](std::initializer_list<const char*> flags) {
     return FirstListed("feature_extractor", extractor_help, flags);
-  };
-  const auto matcher = [&](std::initializer_list<const char*> flags) {
-    return FirstListed("matches_importer", matcher_help, flags);
   };
   return {
       .extraction_use_gpu = extractor({"--FeatureExtraction.use_gpu", "--SiftExtraction.use_gpu"}),
@@ -86,11 +81,15 @@ ColmapFlags ParseColmapHelp(const std::string& extractor_help,
           extractor({"--FeatureExtraction.max_image_size", "--SiftExtraction.max_image_size"}),
       .extraction_features =
           extractor({"--SiftExtraction.max_num_features", "--FeatureExtraction.max_num_features"}),
-      .matching_use_gpu = matcher({"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}),
       .mapper_threads = FirstListed("mapper", mapper_help, {"--Mapper.num_threads"}),
       .mapper_options = MapperOptions(mapper_help),
       .two_view_tracks = Listed(mapper_help, {{{"--Mapper.tri_ignore_two_view_tracks"}, "0"}}),
   };
+}
+
+std::string MatchingGpuFlag(const std::string& matcher_help) {
+  return FirstListed(
+      "exhaustive_matcher", matcher_help, {"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"});
 }
 
 }  // namespace sfm

@@ -10,7 +10,6 @@ namespace sfm {
 // Flags with their leading dashes.
 struct ColmapFlags {
   std::string extraction_use_gpu, extraction_threads, extraction_image_size, extraction_features;
-  std::string matching_use_gpu;
   std::string mapper_threads;
   // Flags and values that suit what surrounds the mapper here; without those that it does not list.
   std::vector<std::string> mapper_options;
@@ -18,10 +17,12 @@ struct ColmapFlags {
   std::vector<std::string> two_view_tracks;
 };
 
-// From the output of `colmap feature_extractor -h`, `colmap matches_importer -h` and `colmap mapper -h`.
-// Throws io::Error kMissingTool naming the option that none of the known names stands for.
-ColmapFlags ParseColmapHelp(const std::string& extractor_help,
-                            const std::string& matcher_help,
-                            const std::string& mapper_help);
+// From the output of `colmap feature_extractor -h` and `colmap mapper -h`. Throws io::Error kMissingTool
+// naming the option that none of the known names stands for.
+ColmapFlags ParseColmapHelp(const std::string& extractor_help, const std::string& mapper_help);
+
+// The flag that lets COLMAP's matchers use a GPU, from the output of `colmap exhaustive_matcher -h`. Throws
+// likewise.
+std::string MatchingGpuFlag(const std::string& matcher_help);
 
 }  // namespace sfm

@@ -45,53 +45,50 @@ constexpr const char* kMatcher313 = R"(
 )";
 
 TEST(ColmapOptions, Names38) {
-  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper);
+  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor38, kMapper);
   EXPECT_EQ(flags.extraction_use_gpu, "--SiftExtraction.use_gpu");
   EXPECT_EQ(flags.extraction_threads, "--SiftExtraction.num_threads");
   EXPECT_EQ(flags.extraction_image_size, "--SiftExtraction.max_image_size");
   EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
-  EXPECT_EQ(flags.matching_use_gpu, "--SiftMatching.use_gpu");
+  EXPECT_EQ(sfm::MatchingGpuFlag(kMatcher38), "--SiftMatching.use_gpu");
   EXPECT_EQ(flags.mapper_threads, "--Mapper.num_threads");
   EXPECT_TRUE(flags.two_view_tracks.empty()) << "an option that is not listed";
-  EXPECT_EQ(
-      sfm::ParseColmapHelp(
-          kExtractor38, kMatcher38, std::string(kMapper) + "  --Mapper.tri_ignore_two_view_tracks arg (=1)\n")
-          .two_view_tracks,
-      (std::vector<std::string>{"--Mapper.tri_ignore_two_view_tracks", "0"}));
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38,
+                                 std::string(kMapper) + "  --Mapper.tri_ignore_two_view_tracks arg (=1)\n")
+                .two_view_tracks,
+            (std::vector<std::string>{"--Mapper.tri_ignore_two_view_tracks", "0"}));
 }
 
 TEST(ColmapOptions, Names313) {
-  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor313, kMatcher313, kMapper);
+  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor313, kMapper);
   EXPECT_EQ(flags.extraction_use_gpu, "--FeatureExtraction.use_gpu");
   EXPECT_EQ(flags.extraction_image_size, "--SiftExtraction.max_image_size");
   EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
-  EXPECT_EQ(flags.matching_use_gpu, "--FeatureMatching.use_gpu");
+  EXPECT_EQ(sfm::MatchingGpuFlag(kMatcher313), "--FeatureMatching.use_gpu");
 }
 
 TEST(ColmapOptions, Names40) {
-  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor40, kMatcher313, kMapper);
+  const sfm::ColmapFlags flags = sfm::ParseColmapHelp(kExtractor40, kMapper);
   EXPECT_EQ(flags.extraction_image_size, "--FeatureExtraction.max_image_size");
   EXPECT_EQ(flags.extraction_features, "--SiftExtraction.max_num_features");
 }
 
 TEST(ColmapOptions, AMissingOptionIsNamedAndALongerOneIsNotTakenForIt) {
   try {
-    sfm::ParseColmapHelp(
-        kExtractor38, "  --SiftMatching.use_gpu_index arg\n  --SiftMatching.num_threads arg", kMapper);
+    sfm::MatchingGpuFlag("  --SiftMatching.use_gpu_index arg\n  --SiftMatching.num_threads arg");
     FAIL();
   } catch (const io::Error& error) {
     EXPECT_EQ(error.code(), io::ExitCode::kMissingTool);
-    for (const char* name : {"matches_importer", "--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}) {
+    for (const char* name : {"exhaustive_matcher", "--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}) {
       EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
     }
   }
 }
 
 TEST(ColmapOptions, MapperOptionsAreThoseTheMapperLists) {
-  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38, kMatcher38, kMapper).mapper_options,
+  EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38, kMapper).mapper_options,
             (std::vector<std::string>{"--Mapper.ba_global_images_ratio", "1.5"}));
   EXPECT_EQ(sfm::ParseColmapHelp(kExtractor38,
-                                 kMatcher38,
                                  "  --Mapper.num_threads arg\n  --Mapper.ba_global_frames_ratio arg (=1.1)\n")
                 .mapper_options,
             (std::vector<std::string>{"--Mapper.ba_global_frames_ratio", "1.5"}));

@@ -72,15 +72,19 @@ std::size_t CountBelow(const std::vector<Match>& matches, int keypoint) {
       std::count_if(matches.begin(), matches.end(), [&](const Match& m) { return m[0] < keypoint; }));
 }
 
+// In the second case three fifths are mismatches: one sample of seven in 600 has none.
 TEST(TwoView, AScenesMatchesAreExplainedAndMismatchesAreNot) {
-  Views views(200, 2, kBaseline);
-  views.AddMismatches(200);
-  const sfm::TwoViewGeometry geometry = views.Explained();
-  EXPECT_EQ(geometry.kind, TwoViewKind::kEpipolar);
-  EXPECT_GE(CountBelow(geometry.matches, 200), 198u);
-  // A line of 8 pixels' width in a picture of 768 meets one in 60 to 100 by chance.
-  EXPECT_LE(geometry.matches.size() - CountBelow(geometry.matches, 200), 10u);
-  EXPECT_TRUE(std::is_sorted(geometry.matches.begin(), geometry.matches.end()));
+  for (const auto& [n, n_mismatches] : {std::pair(200, 200), {80, 120}}) {
+    Views views(n, 2, kBaseline);
+    views.AddMismatches(n_mismatches);
+    const sfm::TwoViewGeometry geometry = views.Explained();
+    const std::size_t right = CountBelow(geometry.matches, n);
+    EXPECT_EQ(geometry.kind, TwoViewKind::kEpipolar);
+    EXPECT_GE(right, static_cast<std::size_t>(n - 2));
+    // A line of 8 pixels' width in a picture of 768 meets one in 60 to 100 by chance.
+    EXPECT_LE(geometry.matches.size() - right, 10u);
+    EXPECT_TRUE(std::is_sorted(geometry.matches.begin(), geometry.matches.end()));
+  }
 }
 
 TEST(TwoView, APlaneAndARotationLeaveAHomography) {
@@ -92,15 +96,6 @@ TEST(TwoView, APlaneAndARotationLeaveAHomography) {
     EXPECT_GE(CountBelow(geometry.matches, 100), 99u);
     EXPECT_LE(geometry.matches.size(), 108u);
   }
-}
-
-// Three fifths are mismatches: one sample of seven in 600 has none.
-TEST(TwoView, ManyMismatchesHideNoScene) {
-  Views views(80, 2, kBaseline);
-  views.AddMismatches(120);
-  const sfm::TwoViewGeometry geometry = views.Explained();
-  EXPECT_EQ(geometry.kind, TwoViewKind::kEpipolar);
-  EXPECT_GE(CountBelow(geometry.matches, 80), 78u);
 }
 
 TEST(TwoView, FewOrUnrelatedMatchesExplainNothing) {
