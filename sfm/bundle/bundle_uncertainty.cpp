@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "io/process/interrupt.h"
 #include "io/scene/decomposition.h"
@@ -204,8 +205,14 @@ class ReducedSystem {
       }
       rows.block<3, 1>(3, 6) = centre;
     }
-    null_space_ =
-        Eigen::HouseholderQR<Eigen::MatrixXd>(basis).householderQ() * Eigen::MatrixXd::Identity(size_, 7);
+    // Gram and Schmidt; the second round takes away what rounding left in the first.
+    for (int round = 0; round < 2; ++round) {
+      for (int i = 0; i < 7; ++i) {
+        for (int j = 0; j < i; ++j) basis.col(i) -= basis.col(j).dot(basis.col(i)) * basis.col(j);
+        basis.col(i).normalize();
+      }
+    }
+    null_space_ = std::move(basis);
   }
 
   // With the orthonormal null space N and any a > 0, S^+ = (S + a N N^T)^-1 - N N^T / a.

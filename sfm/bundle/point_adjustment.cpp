@@ -3,6 +3,7 @@
 #include <atomic>
 
 #include "io/process/parallel.h"
+#include "io/scene/decomposition.h"
 #include "sfm/bundle/bundle_state.h"
 
 namespace sfm {
@@ -62,7 +63,7 @@ Eigen::Vector3d Minimise(const PointProblem& problem, Eigen::Vector3d point) {
   for (int i = 0; i < kPointIterations; ++i) {
     Eigen::Matrix3d damped = matrix;
     damped.diagonal() *= 1 + damping;
-    const Eigen::Vector3d step = damped.ldlt().solve(-gradient);
+    const Eigen::Vector3d step = io::SolveSymmetric(damped, -gradient);
     if (!step.allFinite() || step.squaredNorm() < kSmallestStep * (1 + point.squaredNorm())) break;
     if (problem.Cost(point + step) < cost) {
       point += step;

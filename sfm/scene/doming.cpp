@@ -1,8 +1,9 @@
 #include "sfm/scene/doming.h"
 
-#include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/core.hpp>
 
 #include "io/scene/decomposition.h"
 #include "sfm/scene/pose_error.h"
@@ -26,14 +27,15 @@ double Doming(const std::vector<Eigen::Vector3d>& estimated, const std::vector<E
   const Eigen::Matrix3d axes =
       io::EigenDecomposition(scatter).vectors.rowwise().reverse();  // the normal is the last
   in_plane = axes.transpose() * in_plane / extent;
-  Eigen::MatrixX4d terms(n, 4);
-  terms.col(0).setOnes();
-  terms.col(1) = in_plane.row(0).transpose();
-  terms.col(2) = in_plane.row(1).transpose();
-  terms.col(3) = in_plane.topRows<2>().colwise().squaredNorm().transpose();
-  const Eigen::VectorXd heights = (axes.col(2).transpose() * error).transpose() / extent;
-  const Eigen::Vector4d fit = terms.colPivHouseholderQr().solve(heights);
-  return std::abs(fit[3]);
+  cv::Mat terms(static_cast<int>(n), 4, CV_64F), heights(static_cast<int>(n), 1, CV_64F), fit;
+  for (int i = 0; i < terms.rows; ++i) {
+    const double x = in_plane(0, i), y = in_plane(1, i);
+    const cv::Vec4d row(1, x, y, x * x + y * y);
+    std::copy_n(row.val, 4, terms.ptr<double>(i));
+    heights.at<double>(i) = axes.col(2).dot(error.col(i)) / extent;
+  }
+  cv::solve(terms, heights, fit, cv::DECOMP_QR);
+  return std::abs(fit.at<double>(3));
 }
 
 }  // namespace sfm
