@@ -59,13 +59,13 @@ TEST(ReportInBrowser, WholeRunShowsEverythingWithoutAFault) {
   // Truth, render, error; three frames of the film with their support, and its two scales.
   ASSERT_EQ(seen["images"].size(), static_cast<std::size_t>(3 * SphereRun::kViews + 3 * 3 + 2));
   for (const Json& width : seen["images"]) EXPECT_GT(width, 0);
-  EXPECT_GE(seen["video"][0], 2);  // HAVE_CURRENT_DATA
+  EXPECT_GE(seen["video"][0].get<double>(), 2);  // HAVE_CURRENT_DATA
   EXPECT_EQ(seen["video"][1], 120);
   EXPECT_EQ(seen["video"][2], 90);
   EXPECT_NEAR(seen["video"][3].get<double>(), 12 / 30.0, 0.05);
-  EXPECT_GT(seen["painted"], 3000);
+  EXPECT_GT(seen["painted"].get<double>(), 3000);
   EXPECT_EQ(seen["plots"], 3);  // training PSNR, held-out PSNR, loss
-  EXPECT_LE(seen["overflow"], 0) << "wider than a phone";
+  EXPECT_LE(seen["overflow"].get<double>(), 0) << "wider than a phone";
 }
 
 TEST(ReportInBrowser, RunWithoutFilmScoresAndPicturesIsStillAPage) {
@@ -81,7 +81,7 @@ TEST(ReportInBrowser, RunWithoutFilmScoresAndPicturesIsStillAPage) {
   const Json seen = Open(run.path() / "report.html");
   EXPECT_EQ(seen["faults"], Json::array()) << seen["faults"];
   EXPECT_EQ(seen["images"], Json::array());
-  EXPECT_GT(seen["painted"], 3000);
+  EXPECT_GT(seen["painted"].get<double>(), 3000);
 }
 
 }  // namespace

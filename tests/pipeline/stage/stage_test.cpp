@@ -76,7 +76,7 @@ TEST(StageRun, CommitsOutputsRecordAndRunEntry) {
   EXPECT_TRUE(record["outputs"].contains("sub/result.txt"));
   EXPECT_EQ(record["options"]["factor"]["origin"], "default");
   EXPECT_EQ(record["decisions"][0], "the factor is 2");
-  EXPECT_GT(record["peak_rss_bytes"], 1 << 20);
+  EXPECT_GT(record["peak_rss_bytes"].get<double>(), 1 << 20);
   EXPECT_EQ(stage.Entry()["status"], "done");
   EXPECT_EQ(stage.Entry()["kind"], "double");
   EXPECT_EQ(stage.Entry()["key"], record["key"]);

@@ -101,7 +101,7 @@ TEST_F(Normalize, ForeignCaptureIsUndistortedResizedScaledAndSplit) {
   EXPECT_EQ(record["far"], 6);
   EXPECT_EQ(record["unbounded"], false);
   EXPECT_EQ(record["protocol"], "capture");
-  EXPECT_GT(record["coverage"], 0.98);
+  EXPECT_GT(record["coverage"].get<double>(), 0.98);
   EXPECT_EQ(record["held_out"], Json({"img0.png", "img8.png", "img16.png"}));
   EXPECT_EQ(record["missing_images"], Json::array());
   EXPECT_FALSE(record.contains("masks"));
@@ -287,7 +287,7 @@ TEST_F(Normalize, ColmapWorkspaceUsesTheLargestModelAndItsTracks) {
   ASSERT_EQ(Run({"--poses", in_.string()}), 0);
   EXPECT_EQ(Split("train").scene.frames.size() + Split("test").scene.frames.size(), std::size_t{kFrames});
   EXPECT_EQ(Record()["points"], 200);
-  EXPECT_GT(Record()["coverage"], 0.98);
+  EXPECT_GT(Record()["coverage"].get<double>(), 0.98);
   // What COLMAP observed in its axes is where the written cameras see the written points (float32 in the
   // PLY).
   const io::Scene train = Split("train").scene;
