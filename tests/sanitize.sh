@@ -1,6 +1,6 @@
 #!/bin/bash
-# Builds preset fuzz with clang and runs it: the fuzz targets for a minute each, and the tests of what works on raw memory
-# under AddressSanitizer and UBSan.
+# Builds preset fuzz with clang and runs it: the fuzz targets for a minute each, and the tests of most rooms under
+# AddressSanitizer and UBSan. Then preset tsan with GCC: the tests of threads under ThreadSanitizer.
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$root"
@@ -9,3 +9,6 @@ install_packages "$root" tests/packages.txt
 cmake --preset fuzz
 cmake --build --preset fuzz
 ctest --preset fuzz -j "$(($(nproc) + 1))"
+cmake --preset tsan
+cmake --build --preset tsan-short
+ctest --preset tsan-short -j "$(($(nproc) + 1))"

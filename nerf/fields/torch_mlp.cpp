@@ -1,5 +1,7 @@
 #include "nerf/fields/torch_mlp.h"
 
+#include <ATen/core/ivalue.h>  // before ATen.h, which clang cannot compile as C++20 while IValue is incomplete
+
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 #include <malloc.h>

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <cstring>
+#include <algorithm>
 #include <string>
 #include <string_view>
 
@@ -39,7 +39,7 @@ class Message {
   template <typename T>
   void TakeValues(T* values, std::size_t n) {
     PIPELINE_CHECK_LE(n, bytes_.size() / sizeof(T));
-    std::memcpy(static_cast<void*>(values), bytes_.data(), n * sizeof(T));
+    std::copy_n(bytes_.data(), n * sizeof(T), reinterpret_cast<char*>(values));
     bytes_.remove_prefix(n * sizeof(T));
   }
   template <typename T>
