@@ -27,16 +27,25 @@ class Packer {
     bytes_ += text;
     return *this;
   }
-  template <typename T>
-  Packer& Add(const std::vector<T>& values) {
+  template <typename T, typename Allocator>
+  Packer& Add(const std::vector<T, Allocator>& values) {
     Add(std::uint64_t{values.size()});
     if constexpr (std::is_trivially_copyable_v<T>) {
-      bytes_.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+      AddValues(values.data(), values.size());
     } else {
       for (const T& value : values) Add(value);
     }
     return *this;
   }
+  // Without their number.
+  template <typename T>
+  Packer& AddValues(const T* values, std::size_t n) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    bytes_.append(reinterpret_cast<const char*>(values), n * sizeof(T));
+    return *this;
+  }
+  // Makes room for so many bytes in all.
+  void Reserve(std::size_t n) { bytes_.reserve(n); }
   // The bytes so far.
   std::string Take() { return std::move(bytes_); }
 
@@ -58,14 +67,19 @@ class Unpacker {
     text->resize(Length());
     Copy(text->data(), text->size());
   }
-  template <typename T>
-  void Take(std::vector<T>* values) {
+  template <typename T, typename Allocator>
+  void Take(std::vector<T, Allocator>* values) {
     values->resize(Length());
     if constexpr (std::is_trivially_copyable_v<T>) {
-      Copy(values->data(), values->size() * sizeof(T));
+      TakeValues(values->data(), values->size());
     } else {
       for (T& value : *values) Take(&value);
     }
+  }
+  template <typename T>
+  void TakeValues(T* values, std::size_t n) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    Copy(values, n * sizeof(T));
   }
   template <typename T>
   T Take() {
@@ -73,6 +87,7 @@ class Unpacker {
     Take(&value);
     return value;
   }
+  bool IsEmpty() const { return bytes_.empty(); }
 
  private:
   std::size_t Length() {

@@ -11,14 +11,26 @@ namespace {
 TEST(Packed, ValuesComeBackInTheirOrder) {
   const std::vector<std::vector<std::array<int, 2>>> nested = {{{1, 2}, {3, 4}}, {}, {{-5, 6}}};
   const std::vector<std::string> names = {"a", "", std::string("b\0c", 3)};
-  const std::string bytes =
-      io::Packer().Add(1.5).Add(names).Add(nested).Add(true).Add(std::string("end")).Take();
+  const float values[] = {1, 2};
+  const std::string bytes = io::Packer()
+                                .Add(1.5)
+                                .Add(names)
+                                .Add(nested)
+                                .AddValues(values, 2)
+                                .Add(true)
+                                .Add(std::string("end"))
+                                .Take();
   io::Unpacker packed(bytes);
   EXPECT_EQ(packed.Take<double>(), 1.5);
   EXPECT_EQ(packed.Take<std::vector<std::string>>(), names);
   EXPECT_EQ((packed.Take<std::vector<std::vector<std::array<int, 2>>>>()), nested);
+  float taken[2];
+  packed.TakeValues(taken, 2);
+  EXPECT_EQ(taken[1], 2);
   EXPECT_TRUE(packed.Take<bool>());
+  EXPECT_FALSE(packed.IsEmpty());
   EXPECT_EQ(packed.Take<std::string>(), "end");
+  EXPECT_TRUE(packed.IsEmpty());
 }
 
 TEST(Packed, MoreThanThereIsIsRefused) {
