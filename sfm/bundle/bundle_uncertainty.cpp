@@ -205,7 +205,7 @@ class ReducedSystem {
       }
       rows.block<3, 1>(3, 6) = centre;
     }
-    // Gram and Schmidt; the second round takes away what rounding left in the first.
+    // Gram-Schmidt; the second round takes away what rounding left in the first.
     for (int round = 0; round < 2; ++round) {
       for (int i = 0; i < 7; ++i) {
         for (int j = 0; j < i; ++j) basis.col(i) -= basis.col(j).dot(basis.col(i)) * basis.col(j);

@@ -34,7 +34,7 @@ double Doming(const std::vector<Eigen::Vector3d>& estimated, const std::vector<E
     std::copy_n(row.val, 4, terms.ptr<double>(i));
     heights.at<double>(i) = axes.col(2).dot(error.col(i)) / extent;
   }
-  cv::solve(terms, heights, fit, cv::DECOMP_QR);
+  cv::solve(terms, heights, fit, cv::DECOMP_SVD);  // points on a circle leave d open: the smallest is taken
   return std::abs(fit.at<double>(3));
 }
 
