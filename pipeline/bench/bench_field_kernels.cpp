@@ -1,4 +1,5 @@
-// `pipeline bench kernels`: the kernels of the `hash` field against what the machine can do at most.
+// `pipeline bench kernels`: the kernels of the `hash` field against what the machine can do at most, and
+// SSIM.
 #include <algorithm>
 #include <cstdio>
 #include <limits>
@@ -128,6 +129,7 @@ void RunFieldKernels(const std::filesystem::path& out, const std::vector<std::st
   for (const std::string& build : builds) {
     for (KernelCase& c : FieldKernelCases(build, &data)) cases.push_back(std::move(c));
   }
+  cases.push_back(SsimCase(&data));
   std::printf("%s; one thread, best of %d rounds of its processor time\n", BenchMachine().c_str(), rounds);
   // Round by round through all cases: limits and kernels see the same neighbours and the same clock.
   for (int round = 0; round < rounds; ++round) {
@@ -153,8 +155,8 @@ int RunBenchKernels(int argc, const char* const* argv) {
         "pipeline bench kernels",
         "Times the kernels of the `hash` field on one thread, on the working sets of training, and beside\n"
         "them what this machine can do at most: arithmetic on registers, and random and sequential\n"
-        "accesses to as much memory as the kernel works on. Times are processor time, best of several\n"
-        "rounds, since other jobs may run. Writes kernels.csv and kernels.svg.");
+        "accesses to as much memory as the kernel works on; and SSIM. Times are processor time, best of\n"
+        "several rounds, since other jobs may run. Writes kernels.csv and kernels.svg.");
     options.Add("out", &out, "folder for kernels.csv and kernels.svg", {.required = "DIR"});
     options.Add("builds", &builds, "portable, avx2, avx512, avx512bf16; all = all that this processor runs");
     options.Add("rounds", &rounds, "measurements of each kernel; the best counts", {.min = 1});

@@ -1,5 +1,5 @@
-// The kernels of the `hash` field on the working sets of training, and what this machine can do at most, as
-// cases to be timed.
+// The kernels of the `hash` field on the working sets of training, SSIM, and what this machine can do at
+// most, as cases to be timed.
 #pragma once
 
 #include <cstdint>
@@ -37,11 +37,14 @@ struct KernelData {
   nerf::AlignedVector<float> stream;  // larger than the caches
   nerf::AlignedVector<float> sums;    // of the arithmetic probes
   volatile std::uint64_t used = 0;    // what would otherwise be optimised away
+  volatile double ssim = 0;           // likewise
 };
 
 // Arithmetic of each of the builds, and memory.
 std::vector<KernelCase> LimitCases(const std::vector<std::string>& builds, KernelData* data);
 // Every kernel of one build, in float and in Bf16.
 std::vector<KernelCase> FieldKernelCases(const std::string& build, KernelData* data);
+// SSIM, which evaluation takes of every view: held against no limit.
+KernelCase SsimCase(KernelData* data);
 
 }  // namespace pipeline

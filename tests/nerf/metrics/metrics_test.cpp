@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <random>
@@ -231,15 +230,6 @@ TEST(Ssim, FlatWindowsOfEveryLevelGiveExactlyTheLuminanceTerm) {
     const double ssim = nerf::Ssim(Constant(12, 12, level), Constant(12, 12, 255));
     EXPECT_NEAR(ssim, expected, 1e-9) << value;
   }
-}
-
-TEST(Ssim, IsFastEnoughForHundredsOfViews) {
-  const io::Image a = Noise(400, 400, 1), b = Noise(400, 400, 2);
-  const auto start = std::chrono::steady_clock::now();
-  nerf::Ssim(a, b);
-  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  RecordProperty("milliseconds", static_cast<int>(1000 * wall.count()));
-  EXPECT_LT(wall.count(), 1.0);  // about 0.03 s; the slack is for sanitizers and busy machines
 }
 
 }  // namespace
