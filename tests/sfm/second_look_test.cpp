@@ -15,6 +15,7 @@
 namespace {
 
 using Names = std::vector<std::string>;
+using Indices = std::vector<int>;
 
 // A ring of which the mapper first gets only the matches that touch no picture of `unseen`.
 struct Ring {
@@ -131,6 +132,41 @@ TEST(SecondLook, APoseIsUncertainByItselfAndBesideOthers) {
   EXPECT_EQ(uncertain(limit_deg / 6, 6, 0.99 * limit_deg), Names{});
   EXPECT_EQ(uncertain(limit_deg / 4, 6, 1.01 * limit_deg), Names{});
   EXPECT_EQ(uncertain(limit_deg / 4, 6, std::numeric_limits<double>::infinity()), Names{name});
+}
+
+TEST(SecondLook, WithoutAPictureNothingOfItIsLeft) {
+  io::ColmapModel model;
+  for (const int width : {100, 200, 300}) model.scene.cameras.push_back({.width = width});
+  const std::vector<std::pair<const char*, int>> frames = {{"a", 0}, {"b", 1}, {"c", 2}, {"d", 2}};
+  for (const auto& [name, camera] : frames)
+    model.scene.frames.push_back({.image_path = name, .camera_index = camera});
+  // Seen by one other picture; by two; not by it; and twice by one other.
+  for (const std::vector<int>& seen_by : {Indices{0, 1}, {1, 2, 3}, {0, 2}, {0, 0, 1}}) {
+    const auto point = static_cast<int>(model.scene.points.size());
+    model.scene.points.push_back({.xyz = Eigen::Vector3d(point, 0, 0), .frame_indices = seen_by});
+    for (const int frame : seen_by)
+      model.observations.push_back({.frame_index = frame, .point_index = point, .xy = {frame, point}});
+  }
+  const io::ColmapModel left = sfm::WithoutFrames(model, {"b"});
+  Names names;
+  Indices widths;
+  for (const io::Frame& frame : left.scene.frames) {
+    names.push_back(frame.image_path.string());
+    widths.push_back(left.scene.cameras.at(static_cast<std::size_t>(frame.camera_index)).width);
+  }
+  EXPECT_EQ(names, (Names{"a", "c", "d"}));
+  EXPECT_EQ(widths, (Indices{100, 300, 300}));
+  EXPECT_EQ(left.scene.cameras.size(), 2u);
+  ASSERT_EQ(left.scene.points.size(), 2u);
+  EXPECT_EQ(left.scene.points[0].xyz.x(), 1);
+  EXPECT_EQ(left.scene.points[0].frame_indices, (Indices{1, 2}));
+  EXPECT_EQ(left.scene.points[1].xyz.x(), 2);
+  EXPECT_EQ(left.scene.points[1].frame_indices, (Indices{0, 1}));
+  EXPECT_EQ(left.observations,
+            (std::vector<io::Observation>{{.frame_index = 1, .point_index = 0, .xy = {2, 1}},
+                                          {.frame_index = 2, .point_index = 0, .xy = {3, 1}},
+                                          {.frame_index = 0, .point_index = 1, .xy = {0, 2}},
+                                          {.frame_index = 1, .point_index = 1, .xy = {2, 2}}}));
 }
 
 TEST(SecondLook, CostsAreCountedInComparisons) {
