@@ -13,8 +13,7 @@ struct KernelCase {
   double items = 0;                   // of one run
   std::string unit;                   // of the rate: 1e9 of something per second, as "GFLOP/s"
   double work = 0;                    // of one run, counted in that something
-  std::string
-      limit;  // Name() of the case whose rate bounds this one; empty: a limit itself, or held against none
+  std::string limit;                  // Name() of the case whose rate bounds this one; empty: none does
   std::function<void()> run;
   std::function<void()> prepare;  // before each run, not timed; may be empty
 
