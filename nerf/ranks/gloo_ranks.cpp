@@ -2,9 +2,6 @@
 
 #include <ATen/ops/from_blob.h>
 #include <fmt/format.h>
-#include <sched.h>
-#include <sys/resource.h>
-#include <unistd.h>
 #include <torch/csrc/distributed/c10d/PrefixStore.hpp>
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
@@ -14,7 +11,6 @@
 #include <condition_variable>
 #include <cstdlib>
 #include <functional>
-#include <future>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -22,6 +18,7 @@
 #include "io/base/error.h"
 #include "io/base/hash.h"
 #include "io/process/interrupt.h"
+#include "nerf/ranks/gloo_device.h"
 #include "nerf/ranks/local_address.h"
 #include "nerf/ranks/messages.h"
 #include "nerf/ranks/patience.h"
@@ -40,22 +37,7 @@ constexpr milliseconds kBeatEvery(250);
 constexpr std::chrono::seconds kVerdict(3);
 // Exchanges may take as long as another rank computes: whether it lives, the beats say.
 constexpr std::chrono::hours kForever(24 * 365);
-constexpr int kDeviceNiceness = 10;
 constexpr int kHeadTag = 1, kRestTag = 2, kBeatTag = 3;
-
-// The device's thread spins while another one holds the lock of a connection, and can keep that one from the
-// processor meanwhile, up to a tick of 4 ms: as a batch thread it waits until the other one sleeps. Threads
-// inherit niceness and policy.
-std::shared_ptr<gloo::transport::Device> MakeDevice(const std::string& address) {
-  return std::async(std::launch::async,
-                    [&] {
-                      setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kDeviceNiceness);
-                      const sched_param none = {};
-                      sched_setscheduler(0, SCHED_BATCH, &none);  // of this thread
-                      return c10d::ProcessGroupGloo::createDeviceForHostname(address);
-                    })
-      .get();
-}
 
 class GlooRanks : public io::Ranks {
  public:
@@ -88,6 +70,8 @@ class GlooRanks : public io::Ranks {
   static bool IsDone(const Transfer& transfer, milliseconds timeout);
   void Await(const std::vector<Transfer>& transfers);
   void Watch(int peer);
+  void Exchange(int peer);
+  void EndAwaiting();
   void Miss(int peer);
   void StopFor(int lost, const std::string& how);
   void End(State state);
@@ -156,7 +140,7 @@ void GlooRanks::Meet(Patience* patience) {
   }
   patience->WaitFor("connections to all ranks");
   const auto gloo = c10d::ProcessGroupGloo::Options::create(kForever);
-  gloo->devices = {MakeDevice(LocalAddress(meeting_.address))};
+  gloo->devices = {MakeGlooDevice(LocalAddress(meeting_.address))};
   gloo->threads = 1;
   group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(
       c10::make_intrusive<c10d::PrefixStore>("gloo", store_), meeting_.rank, meeting_.size, gloo);
@@ -269,8 +253,23 @@ void GlooRanks::ReceiveRest(int peer,
     receipts->push_back(Receive(peer, kRestTag, bytes->data() + kHeadBytes, bytes->size() - kHeadBytes));
 }
 
-// The thread that exchanges signs of life with one rank, until one of both ends.
+// The thread of one other rank. What was sent as its connection broke may never hear of that: aborted.
 void GlooRanks::Watch(int peer) {
+  Exchange(peer);
+  std::unique_lock lock(mutex_);
+  for (; state_ == State::kWorking; state_changed_.wait_for(lock, kBeatEvery)) EndAwaiting();
+}
+
+// Of a rank that is to stop; with mutex_.
+void GlooRanks::EndAwaiting() {
+  if (io::PendingInterrupt() == 0) return;
+  for (const Transfer& transfer : awaited_) {
+    if (transfer.work) transfer.work->abort();
+  }
+}
+
+// Signs of life with one rank, until one of both ends.
+void GlooRanks::Exchange(int peer) {
   for (;;) {
     Beat mine, theirs;
     {
@@ -289,10 +288,7 @@ void GlooRanks::Watch(int peer) {
     if (theirs.state != State::kWorking || mine.state != State::kWorking) return;
     std::unique_lock lock(mutex_);
     state_changed_.wait_for(lock, kBeatEvery, [&] { return state_ != State::kWorking; });
-    if (io::PendingInterrupt() == 0) continue;
-    for (const Transfer& transfer : awaited_) {
-      if (transfer.work) transfer.work->abort();
-    }
+    EndAwaiting();
   }
 }
 
