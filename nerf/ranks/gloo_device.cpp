@@ -1,5 +1,6 @@
 #include "nerf/ranks/gloo_device.h"
 
+#include <ATen/core/ivalue.h>  // first: clang cannot compile the others as C++20 while IValue is incomplete
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
