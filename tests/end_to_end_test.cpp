@@ -9,6 +9,7 @@
 #include <opencv2/videoio.hpp>
 #include <thread>
 
+#include "io/base/json.h"
 #include "io/process/process.h"
 #include "pipeline/stage/stage_table.h"
 #include "samples/capture.h"
@@ -17,7 +18,7 @@
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using io::Json;
 
 constexpr int kPhotos = 24, kFilmFrames = 12;
 constexpr double kMinPsnr = 19;                   // after 400 steps at 160 x 120
@@ -26,7 +27,7 @@ constexpr double kQuickRerun_s = 10;              // hashing and starting eight 
 constexpr double kMaxMemory = 700.0 * (1 << 20);  // what the run is given
 constexpr double kMaxStage_s = 300;               // an idle machine needs a tenth
 
-Json ReadJson(const fs::path& path) { return Json::parse(ReadText(path), nullptr, false); }
+Json ReadJson(const fs::path& path) { return io::ParseJson(ReadText(path)); }
 
 class EndToEnd : public testing::Test {
  protected:
@@ -116,8 +117,8 @@ TEST_F(EndToEnd, KilledInEveryStageAndContinuedThePhotosBecomeFilmAndReport) {
   EXPECT_EQ(metrics["images"].size(), 3u);  // every 8th of 24
   EXPECT_GE(metrics["psnr"].get<double>(), kMinPsnr);
   EXPECT_GE(metrics["error_budget"]["pose_fitted_psnr"].get<double>(), metrics["psnr"].get<double>());
-  RecordProperty("psnr", metrics["psnr"].dump());
-  std::printf("held-out PSNR %s dB\n", metrics["psnr"].dump().c_str());
+  RecordProperty("psnr", io::DumpJson(metrics["psnr"]));
+  std::printf("held-out PSNR %s dB\n", io::DumpJson(metrics["psnr"]).c_str());
   cv::VideoCapture film((out / "render/novel_view.mp4").string());
   int n_frames = 0;
   for (cv::Mat frame; film.read(frame);) ++n_frames;

@@ -13,6 +13,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 
 namespace io {
 
@@ -45,7 +46,7 @@ constexpr std::size_t kMaxValues = 8'000'000;   // 300,000 frames; bounds the tr
 constexpr std::size_t kMaxMessageLength = 200;  // parse errors quote the input, which may be one endless line
 
 // Receives the parser's events. A returned false stops the parser; `refusal` then says why.
-class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
+class TreeBuilder : public nlohmann::json_sax<Json> {
  public:
   bool null() override { return Add({nullptr}); }
   bool boolean(bool value) override { return Add({value}); }
@@ -136,7 +137,7 @@ JsonReader JsonReader::ReadDocument(const std::filesystem::path& path) {
 
 JsonReader JsonReader::ParseDocument(const std::string& text, const std::string& name) {
   TreeBuilder builder;
-  if (!nlohmann::json::sax_parse(text, &builder)) {
+  if (!Json::sax_parse(text, &builder)) {
     throw Error(ExitCode::kBadInput, name + ": " + builder.refusal, "Repair the JSON");
   }
   return {std::make_shared<const std::string>(name),

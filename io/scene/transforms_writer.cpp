@@ -7,12 +7,12 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/check.h"
+#include "io/base/json.h"
 #include "io/scene/transforms.h"
 
 namespace io {
 namespace {
 
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 // nlohmann-json writes NaN and infinity as null without a word.

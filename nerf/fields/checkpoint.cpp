@@ -12,6 +12,7 @@
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/hash.h"
+#include "io/base/json.h"
 #include "io/base/memory.h"
 
 namespace nerf {
@@ -19,7 +20,7 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::json;
+using io::Json;
 
 constexpr char kMagic[] = "NERFCKP8";
 constexpr std::size_t kMagicSize = 8, kHashSize = 32, kPrefix = kMagicSize + 4 + kHashSize;
@@ -123,7 +124,7 @@ Json ParseHeader(const std::filesystem::path& path, const std::string& file, std
   if (length > kMaxHeader || length > file.size() - kPrefix) Reject(path, "is cut off in its header");
   const std::string text = file.substr(kPrefix, length);
   if (file.compare(kMagicSize + 4, kHashSize, io::HashBytes(text)) != 0) Reject(path, "header hash differs");
-  Json header = Json::parse(text, nullptr, false);
+  Json header = io::ParseJson(text);
   if (header.is_discarded() || !header.is_object()) Reject(path, "header is not JSON");
   *tensors_at = kPrefix + length;
   return header;
@@ -231,7 +232,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
     header["tensors"].push_back(
         {{"name", entry.name}, {"bytes", entry.bytes}, {"hash", io::HashBytes(entry.view())}});
   }
-  const std::string text = header.dump();
+  const std::string text = io::DumpJson(header);
   const auto length = static_cast<std::uint32_t>(text.size());
   std::string start(kMagic, kMagicSize);
   start.append(reinterpret_cast<const char*>(&length), 4).append(io::HashBytes(text)).append(text);

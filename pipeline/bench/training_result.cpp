@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/median.h"
 #include "pipeline/stage/run_record.h"
 
@@ -13,7 +14,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 

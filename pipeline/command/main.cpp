@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
     return static_cast<int>(name.empty() ? io::ExitCode::kUsage : io::ExitCode::kOk);
   }
   if (name == "--version") {
-    std::printf("%s\n", pipeline::VersionsJson().dump().c_str());
+    std::printf("%s\n", io::DumpJson(pipeline::VersionsJson()).c_str());
     return 0;
   }
   std::vector<std::string> names;

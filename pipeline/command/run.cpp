@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/quoting.h"
 #include "io/process/interrupt.h"
 #include "io/process/process.h"
@@ -38,7 +39,7 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
+using io::Json;
 namespace fs = std::filesystem;
 
 // Stages promise to stop within 2 s, and so do the programs that they started: wait for both.

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "io/base/json_reader.h"
 #include "nerf/metrics/flip.h"
 #include "nerf/metrics/metrics.h"
@@ -15,8 +16,8 @@
 namespace pipeline {
 namespace {
 
+using io::Json;
 using io::JsonReader;
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 constexpr char kOnWhite[] = "white, straight alpha composited before scoring";
@@ -96,8 +97,7 @@ void WriteScores(const Scores& scores, const fs::path& folder) {
     json["images"].push_back(entry);
     csv += CsvLine(view);
   }
-  io::WriteFileAtomically(folder / "metrics.json",
-                          json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  io::WriteFileAtomically(folder / "metrics.json", io::DumpJson(json, 1) + "\n");
   io::WriteFileAtomically(folder / "per_image.csv", csv);
 }
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "io/image/grey_png.h"
 #include "io/image/image.h"
 #include "io/process/interrupt.h"
@@ -17,7 +18,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 constexpr double kMaxValue = 65535;
 // The steps of 16 bits are chosen on pictures of this size ...
@@ -117,8 +118,7 @@ void ExportDepth(const ExportedScene& scene, const fs::path& folder) {
                        {"normals", "value / 127.5 - 1; x right, y up, z back; 0 0 0: unknown"},
                        {"support", "training views that saw the same surface; 255: or more"},
                        {"frames", frames}};
-  io::WriteFileAtomically(out.path() / "depth.json",
-                          record.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  io::WriteFileAtomically(out.path() / "depth.json", io::DumpJson(record, 1) + "\n");
   out.Commit("depth", scene.target);
 }
 

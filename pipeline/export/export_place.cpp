@@ -13,6 +13,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/owned_folder.h"
 #include "pipeline/stage/versions.h"
 
@@ -22,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 constexpr char kRecord[] = "export.json";
 constexpr char kPartial[] = ".partial";
@@ -141,7 +142,7 @@ void ExportFolder::Commit(const std::string& kind, const TargetFrame& frame) {
         {"rotation", rotation},
         {"translation", {sim3.translation.x(), sim3.translation.y(), sim3.translation.z()}}}},
       {"versions", VersionsJson()}};
-  io::WriteFileAtomically(partial_ / kRecord, record.dump(1) + "\n");
+  io::WriteFileAtomically(partial_ / kRecord, io::DumpJson(record, 1) + "\n");
   io::ReplaceFolder(partial_, target_);
 }
 

@@ -7,12 +7,13 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/json_reader.h"
 
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kDefaultFov = 50;  // degrees; written to files without frames
@@ -182,7 +183,7 @@ void WriteCameraPath(const std::filesystem::path& path, const CameraPathFile& fi
   };
   for (const nerf::Keyframe& view : file.keyframes) add("keyframes", "matrix", view);
   for (const nerf::Keyframe& view : file.frames) add("camera_path", "camera_to_world", view);
-  io::WriteFileAtomically(path, json.dump(1) + "\n");
+  io::WriteFileAtomically(path, io::DumpJson(json, 1) + "\n");
 }
 
 }  // namespace pipeline

@@ -2,13 +2,14 @@
 
 #include <nlohmann/json.hpp>
 
+#include "io/base/json.h"
 #include "nerf/data/capture_geometry.h"
 #include "pipeline/film/camera_path_file.h"
 
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 Json VectorJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 

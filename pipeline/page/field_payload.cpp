@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/check.h"
+#include "io/base/json.h"
 #include "nerf/rendering/trained_field.h"
 #include "pipeline/film/film.h"
 #include "pipeline/page/splat_payload.h"
@@ -12,7 +13,7 @@
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 using nerf::HashField;
 using nerf::kernels::GridLevel;
 
@@ -189,7 +190,7 @@ FieldPayload MakeFieldPayload(nerf::SceneField* scene_field, bool has_alpha) {
   AppendPart("table", texels, &json, &payload.bytes);
   AppendPart("march", MarchCells(scene_field->grid), &json, &payload.bytes);
   AppendPart("trained", TrainedBytes(field->trained_cells()), &json, &payload.bytes);
-  payload.description = json.dump();
+  payload.description = io::DumpJson(json);
   return payload;
 }
 

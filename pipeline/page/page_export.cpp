@@ -6,6 +6,7 @@
 #include "io/base/base64.h"
 #include "io/base/error.h"
 #include "io/base/gzip.h"
+#include "io/base/json.h"
 #include "nerf/fields/checkpoint.h"
 #include "pipeline/film/scene_json.h"
 #include "pipeline/page/field_payload.h"
@@ -28,9 +29,9 @@ std::string Fill(std::string_view page, const std::map<std::string, std::string,
 }
 
 // In a script element "</script>" and "<!--" would end what is meant as text.
-std::string ScriptJson(const nlohmann::ordered_json& json) {
+std::string ScriptJson(const io::Json& json) {
   std::string text;
-  for (const char c : json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace))
+  for (const char c : json.dump(-1, ' ', true, io::Json::error_handler_t::replace))
     text += c == '<' ? "\\u003c" : std::string(1, c);
   return text;
 }

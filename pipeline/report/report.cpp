@@ -3,6 +3,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/hash.h"
+#include "io/base/json.h"
 #include "io/base/quoting.h"
 #include "nerf/rendering/trained_field.h"
 #include "pipeline/report/report.h"
@@ -19,7 +20,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 // Of report.html and scene.html with the pictures, films and tables that they hold.
 constexpr std::size_t kPageBytes = std::size_t{96} << 20;

@@ -8,6 +8,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/quoting.h"
 #include "pipeline/report/scene_page.h"
 #include "pipeline/stage/frames.h"
@@ -18,15 +19,14 @@
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 namespace fs = std::filesystem;
 
 // An empty object in place of anything else: the report leaves out what it cannot read.
 Json ObjectOf(const Json& json) { return json.is_object() ? json : Json::object(); }
 
 Json ReadObject(const fs::path& path) {
-  return fs::is_regular_file(path) ? ObjectOf(Json::parse(io::ReadFile(path), nullptr, false))
-                                   : Json::object();
+  return fs::is_regular_file(path) ? ObjectOf(io::ParseJson(io::ReadFile(path))) : Json::object();
 }
 
 // The members of an array that are objects.
@@ -48,8 +48,8 @@ std::string CommandFromOptions(const std::string& command, const std::string& in
     const std::string origin = TextAt(option, "origin");
     if (origin != "flag" && origin != "file") continue;
     const Json& value = option["value"];
-    text += " " +
-            io::ShellWord("--" + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump()));
+    text += " " + io::ShellWord("--" + name + "=" +
+                                (value.is_string() ? value.get<std::string>() : io::DumpJson(value)));
   }
   return text;
 }

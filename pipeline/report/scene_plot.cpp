@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "io/base/json.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
 #include "nerf/paths/camera_path.h"
@@ -11,8 +12,8 @@
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using Eigen::Vector3d;
+using io::Json;
 namespace fs = std::filesystem;
 
 // More points than this cost file size and drawing time, and show no more.
@@ -92,7 +93,7 @@ std::string ScenePlotJson(const fs::path& run_folder) {
       for (const int v : points[i].rgb) json["points"].push_back(v);
     }
   }
-  return json.dump();
+  return io::DumpJson(json);
 }
 
 }  // namespace pipeline

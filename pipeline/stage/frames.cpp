@@ -6,6 +6,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/json_reader.h"
 
 namespace pipeline {
@@ -13,8 +14,8 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
+using io::Json;
 using io::JsonReader;
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 constexpr int kMaxSide = 65535;
@@ -87,7 +88,7 @@ void WriteFrames(const fs::path& path, const Frames& frames) {
   for (const DroppedPicture& picture : frames.dropped) {
     json["dropped"].push_back({{"source", picture.source}, {"reason", picture.reason}});
   }
-  io::WriteFileAtomically(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  io::WriteFileAtomically(path, io::DumpJson(json, 1) + "\n");
 }
 
 Frames ReadFrames(const fs::path& path) {

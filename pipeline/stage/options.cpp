@@ -15,13 +15,14 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 
 namespace pipeline {
 namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 constexpr std::size_t kMaxConfigBytes = 1 << 20;  // a configuration is a page of text
 constexpr double kMaxDuration_s = 30 * 24 * 3600;
@@ -45,8 +46,6 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
   }
   return row.back();
 }
-
-std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 // "at least 1, below 240"; empty without bounds.
 std::string RangeText(const OptionRule& rule) {
@@ -129,10 +128,10 @@ struct Options::Option {
                       : std::holds_alternative<bool*>(field) ? value.is_boolean()
                                                              : value.is_number();
     if (!fits) {
-      Refuse(file.string() + ": \"" + name + "\": " + Dump(value) + " has the wrong type",
+      Refuse(file.string() + ": \"" + name + "\": " + io::DumpJson(value) + " has the wrong type",
              std::string("Write ") + (is_text ? "a string" : "a number, or true or false for a switch"));
     }
-    Assign(is_text ? value.get<std::string>() : value.dump());
+    Assign(is_text ? value.get<std::string>() : io::DumpJson(value));
   }
 
   Json Value() const {
@@ -153,7 +152,7 @@ struct Options::Option {
       return std::string(text, std::to_chars(text, text + sizeof text, **d).ptr);
     }
     const Json value = Value();
-    return value.is_string() ? value.get<std::string>() : value.dump();
+    return value.is_string() ? value.get<std::string>() : io::DumpJson(value);
   }
 };
 
@@ -169,7 +168,7 @@ Options::~Options() = default;
 void Options::Add(const std::string& name, Field field, const std::string& help, const OptionRule& rule) {
   Option* option =
       options_.emplace_back(std::make_unique<Option>(Option{name, help, field, rule, false})).get();
-  const std::string range = RangeText(rule), value = Dump(option->Value());
+  const std::string range = RangeText(rule), value = io::DumpJson(option->Value());
   const bool is_switch = std::holds_alternative<bool*>(field);
   (is_switch ? app_->add_flag("--" + name + ",!--no-" + name) : app_->add_option("--" + name))
       ->take_last()
@@ -308,7 +307,7 @@ std::string Options::KeyText() const {
   for (const auto& option : options_) {
     if (option->rule.affects_result) json[option->name] = option->Value();
   }
-  return Dump(json);
+  return io::DumpJson(json);
 }
 
 double ParseDuration(const std::string& option_name, const std::string& text) {

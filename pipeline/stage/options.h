@@ -7,10 +7,10 @@
 #include <functional>
 #include <limits>
 #include <memory>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <variant>
 #include <vector>
+#include "io/base/json.h"
 
 namespace CLI {
 class App;
@@ -63,7 +63,7 @@ class Options {
   std::string ValueText(const std::string& name) const;
 
   // {"name": {"value": ..., "origin": "default" | "preset" | "file" | "flag"}, ...}
-  nlohmann::ordered_json ResolvedJson() const;
+  io::Json ResolvedJson() const;
   // Canonical text of all values that affect the result.
   std::string KeyText() const;
 

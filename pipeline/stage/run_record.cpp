@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stage/versions.h"
@@ -13,14 +14,14 @@
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 namespace fs = std::filesystem;
 
 // A damaged run.json is only a record: it is started anew.
 Json ReadRecord(const fs::path& run_folder) {
   const fs::path path = run_folder / "run.json";
   Json record;
-  if (fs::is_regular_file(path)) record = Json::parse(io::ReadFile(path), nullptr, false);
+  if (fs::is_regular_file(path)) record = io::ParseJson(io::ReadFile(path));
   return record.is_object() ? record : Json::object();
 }
 
@@ -29,8 +30,7 @@ void WriteRecord(const fs::path& run_folder, Json record) {
   gethostname(host, sizeof host - 1);
   record["versions"] = VersionsJson();
   record["host"] = {{"name", host}, {"cores", std::thread::hardware_concurrency()}};
-  io::WriteFileAtomically(run_folder / "run.json",
-                          record.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  io::WriteFileAtomically(run_folder / "run.json", io::DumpJson(record, 1) + "\n");
 }
 
 }  // namespace
@@ -60,7 +60,7 @@ Json ReadStageRecord(const fs::path& run_folder, const std::string& stage_name) 
   const std::string folder = FindStage(stage_name).folder;
   const fs::path path = run_folder / folder / (folder + ".json");
   Json record;
-  if (fs::is_regular_file(path)) record = Json::parse(io::ReadFile(path), nullptr, false);
+  if (fs::is_regular_file(path)) record = io::ParseJson(io::ReadFile(path));
   return record.is_object() ? record : Json();
 }
 

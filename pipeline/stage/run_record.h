@@ -3,8 +3,8 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include "io/base/json.h"
 
 namespace pipeline {
 
@@ -12,22 +12,21 @@ namespace pipeline {
 // of the folder is held.
 void RecordStage(const std::filesystem::path& run_folder,
                  const std::string& stage_name,
-                 const nlohmann::ordered_json& entry);
+                 const io::Json& entry);
 
 // The entry of `stage_name`; null when absent.
-nlohmann::ordered_json ReadStageEntry(const std::filesystem::path& run_folder, const std::string& stage_name);
+io::Json ReadStageEntry(const std::filesystem::path& run_folder, const std::string& stage_name);
 
 // Merges the members of an object into run.json. Takes the stage lock meanwhile.
-void RecordRun(const std::filesystem::path& run_folder, const nlohmann::ordered_json& members);
+void RecordRun(const std::filesystem::path& run_folder, const io::Json& members);
 
 // The record of a finished stage, the object in <run>/<folder>/<folder>.json; null when there is none or it
 // is no JSON object.
-nlohmann::ordered_json ReadStageRecord(const std::filesystem::path& run_folder,
-                                       const std::string& stage_name);
+io::Json ReadStageRecord(const std::filesystem::path& run_folder, const std::string& stage_name);
 
 // A member of a record that may have been edited or damaged: `otherwise`, or empty, where `json` is no
 // object, lacks the member or has another type there.
-double NumberAt(const nlohmann::ordered_json& json, const char* key, double otherwise = 0);
-std::string TextAt(const nlohmann::ordered_json& json, const char* key);
+double NumberAt(const io::Json& json, const char* key, double otherwise = 0);
+std::string TextAt(const io::Json& json, const char* key);
 
 }  // namespace pipeline

@@ -12,6 +12,7 @@
 #include "io/base/check.h"
 #include "io/base/error.h"
 #include "io/base/hash.h"
+#include "io/base/json.h"
 #include "io/base/owned_folder.h"
 #include "io/base/quoting.h"
 #include "io/process/interrupt.h"
@@ -28,16 +29,15 @@ namespace {
 
 using io::Error;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
+using io::Json;
 namespace fs = std::filesystem;
 
 // File names need not be UTF-8; JSON must be.
-std::string Dump(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace); }
 
 // Of all members of a record but the hash itself.
 std::string HashOfRecord(Json record) {
   record.erase("record_hash");
-  return io::HashBytes(Dump(record));
+  return io::HashBytes(io::DumpJson(record, 1));
 }
 
 // The record and the files that it lists are as the stage wrote them.
@@ -90,11 +90,11 @@ StageRun::StageRun(const std::string& stage_name,
   for (const fs::path& input : inputs) HashTree(input, run_folder_, &input_hashes_);
   Json versions = VersionsJson();
   versions.erase("commit");  // says where results came from; whether they changed, the version says
-  std::string key_text = stage_name + "\n" + versions.dump() + "\n" + options.KeyText();
+  std::string key_text = stage_name + "\n" + io::DumpJson(versions) + "\n" + options.KeyText();
   for (const auto& [path, hash] : input_hashes_)
     key_text += "\n" + fs::path(path).lexically_relative(run_folder_).string() + " " + hash;
   key_ = io::HashBytes(key_text);
-  const std::string origin = VersionsJson().dump() + "\n" + key_text;
+  const std::string origin = io::DumpJson(VersionsJson()) + "\n" + key_text;
   if (!leads_) {
     Follow(origin);
     io::FromFirst(true);  // the folder is there
@@ -214,7 +214,7 @@ void StageRun::Finish() {
     record["outputs"][fs::path(path).lexically_relative(partial_).string()] = hash;
   record["record_hash"] = HashOfRecord(record);
 
-  io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), Dump(record) + "\n");
+  io::WriteFileAtomically(partial_ / (final_.filename().string() + ".json"), io::DumpJson(record, 1) + "\n");
   io::ReplaceFolder(partial_, final_);
   finished_ = true;
   fs::remove(key_file_);

@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
+#include "io/base/json.h"
 
 #include "io/process/stopwatch.h"
 #include "pipeline/stage/common_options.h"
@@ -45,7 +45,7 @@ class StageRun {
   void Decide(const std::string& line);
   void Set(const std::string& key, double value);  // finite
   void Set(const std::string& key, const std::string& value);
-  void SetJson(const std::string& key, const nlohmann::ordered_json& value);
+  void SetJson(const std::string& key, const io::Json& value);
   // Resource use of external programs, added to our own.
   void AddChildUse(double cpu_s, std::size_t peak_rss_bytes);
 
@@ -57,7 +57,7 @@ class StageRun {
   void OpenPartial(bool keep_partial);
   bool PartialHasKey() const;
   void RemovePartial();
-  void Record(const std::string& status, const nlohmann::ordered_json& record);
+  void Record(const std::string& status, const io::Json& record);
 
   std::string stage_name_, key_;
   const Options& options_;
@@ -66,7 +66,7 @@ class StageRun {
   std::unique_ptr<FolderLock> lock_;
   std::map<std::string, std::string> input_hashes_;
   std::vector<std::string> decisions_;
-  std::unique_ptr<nlohmann::ordered_json> figures_;  // an object of what was set
+  std::unique_ptr<io::Json> figures_;  // an object of what was set
   io::Stopwatch stopwatch_;
   double child_cpu_s_ = 0;
   std::size_t child_peak_rss_bytes_ = 0;

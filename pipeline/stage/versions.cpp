@@ -2,9 +2,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "io/base/json.h"
+
 namespace pipeline {
 
-nlohmann::ordered_json VersionsJson() {
+io::Json VersionsJson() {
   return {{"pipeline", PIPELINE_VERSION},
           {"commit", PIPELINE_COMMIT},
           {"compiler", "g++ " __VERSION__},

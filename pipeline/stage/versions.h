@@ -1,11 +1,11 @@
 // Which code made a result.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
+#include "io/base/json.h"
 
 namespace pipeline {
 
 // {"pipeline": ..., "commit": ..., "compiler": ..., "opencv": ...}
-nlohmann::ordered_json VersionsJson();
+io::Json VersionsJson();
 
 }  // namespace pipeline

@@ -3,12 +3,13 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "io/base/json.h"
 #include "io/base/json_reader.h"
 
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 namespace fs = std::filesystem;
 
 Json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }

@@ -7,6 +7,7 @@
 
 #include "io/base/disk_room.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/median.h"
 #include "io/base/quoting.h"
 #include "io/image/mask.h"
@@ -28,7 +29,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 std::vector<sfm::Picture> ReadPictures(const fs::path& ingest) {
   const fs::path path = ingest / "frames.json";

@@ -3,12 +3,13 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "pipeline/stage/run_record.h"
 
 namespace pipeline {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 namespace fs = std::filesystem;
 
 [[noreturn]] void Reject(const fs::path& path, const std::string& why) {

@@ -6,6 +6,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/base/owned_folder.h"
 #include "pipeline/stage/run_record.h"
 
@@ -13,7 +14,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 constexpr std::size_t kMaxNewsBytes = 4096;
 
@@ -34,7 +35,7 @@ void WriteNews(const fs::path& path, const nerf::TrainingNews& news) {
                      {"left_s", news.left_s},
                      {"train_psnr", news.train_psnr},
                      {"heldout_psnr", news.heldout_psnr}};
-  io::WriteFileAtomically(path, json.dump());
+  io::WriteFileAtomically(path, io::DumpJson(json));
 }
 
 }  // namespace
@@ -71,7 +72,7 @@ void AskToEnd(const fs::path& run_folder) {
 std::optional<nerf::TrainingNews> ReadTrainingNews(const fs::path& run_folder) {
   const fs::path path = WatchFile(run_folder, "training.json");
   if (!IsFresh(path)) return std::nullopt;
-  const Json json = Json::parse(io::ReadFile(path, kMaxNewsBytes), nullptr, false);
+  const Json json = io::ParseJson(io::ReadFile(path, kMaxNewsBytes));
   return nerf::TrainingNews{.step = static_cast<std::uint64_t>(std::max(0.0, NumberAt(json, "step"))),
                             .progress = NumberAt(json, "progress"),
                             .elapsed_s = NumberAt(json, "elapsed_s"),

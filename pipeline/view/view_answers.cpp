@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/image/image.h"
 #include "nerf/training/training_curve.h"
 #include "pipeline/film/camera_path_file.h"
@@ -15,7 +16,7 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 // Of the time between two pictures while a hand moves, without and with a training beside them.
 constexpr double kFrameBudget_ms = 80, kTrainingFrameBudget_ms = 160;

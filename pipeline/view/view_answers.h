@@ -2,8 +2,8 @@
 #pragma once
 
 #include <functional>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include "io/base/json.h"
 
 #include "pipeline/view/frame_maker.h"
 #include "pipeline/view/live_run.h"
@@ -21,14 +21,12 @@ inline constexpr int kMaxViewSide = 4096;
 inline constexpr int kMaxViewPixels = 3840 * 2160;
 
 // Tells a training that somebody looks.
-nlohmann::ordered_json StateJson(const LiveRun& run);
+io::Json StateJson(const LiveRun& run);
 
 // The photograph of a training view as JPEG. Throws kBadInput for an index that the scene does not have.
 std::vector<std::uint8_t> PhotoJpeg(const LiveRun::Content& content, const std::string& index);
 
 // The frames of a camera_path.json; `save` writes it to RUN/camera_path.json. Throws kBadInput.
-nlohmann::ordered_json AnswerPath(const std::filesystem::path& run_folder,
-                                  const std::string& body,
-                                  bool save);
+io::Json AnswerPath(const std::filesystem::path& run_folder, const std::string& body, bool save);
 
 }  // namespace pipeline

@@ -10,6 +10,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/process/interrupt.h"
 #include "pipeline/film/scene_json.h"
 #include "pipeline/stages/training_watch.h"
@@ -22,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using httplib::Request;
 using httplib::Response;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 // Connections that are served at once; more wait. A slow one gives its place back after kPatience_s.
 constexpr std::size_t kConnections = 16;
@@ -51,7 +52,7 @@ void Refuse(int status, const std::string& why, Response* response) {
 
 void Send(const Json& json, Response* response) {
   // Names of files may not be UTF-8.
-  response->set_content(json.dump(-1, ' ', false, Json::error_handler_t::replace), "application/json");
+  response->set_content(io::DumpJson(json), "application/json");
 }
 
 void SendJpeg(const std::vector<std::uint8_t>& jpeg, Response* response) {

@@ -1,6 +1,7 @@
 // What a run folder holds between stages: run.json, the record of a stage, frames.json.
 #include <nlohmann/json.hpp>
 
+#include "io/base/json.h"
 #include "pipeline/stage/frames.h"
 #include "pipeline/stage/run_record.h"
 #include "tests/fuzz/fuzz_input.h"
@@ -13,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Write("run.json", file);
   const auto frames = fuzz::Write("frames.json", file);
   fuzz::MayRefuse([&] {
-    const nlohmann::ordered_json record = pipeline::ReadStageRecord(run, "train");
+    const io::Json record = pipeline::ReadStageRecord(run, "train");
     pipeline::NumberAt(record, "wall_s");
     pipeline::TextAt(record, "status");
   });

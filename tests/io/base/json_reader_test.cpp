@@ -12,9 +12,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class Json : public testing::Test {
+class JsonReaderTest : public testing::Test {
  protected:
-  ~Json() override { fs::remove(path_); }
+  ~JsonReaderTest() override { fs::remove(path_); }
 
   io::JsonReader Parse(const std::string& text) {
     std::ofstream(path_, std::ios::binary) << text;
@@ -35,7 +35,7 @@ class Json : public testing::Test {
   fs::path path_ = fs::temp_directory_path() / ("io_json_reader_test_" + std::to_string(getpid()) + ".json");
 };
 
-TEST_F(Json, SyntaxErrorsCarryTheirPlace) {
+TEST_F(JsonReaderTest, SyntaxErrorsCarryTheirPlace) {
   EXPECT_NE(Refusal(""), "");
   EXPECT_NE(Refusal("{\"frames\": [").find("line 1, column 13"), std::string::npos);
   EXPECT_NE(Refusal("{\n}}").find("line 2, column 2"), std::string::npos);
@@ -47,14 +47,14 @@ TEST_F(Json, SyntaxErrorsCarryTheirPlace) {
   EXPECT_EQ(Refusal(R"([{"a": 1}, {"a": 1}])"), "");
 }
 
-TEST_F(Json, NestingIsLimited) {
+TEST_F(JsonReaderTest, NestingIsLimited) {
   const auto nested = [&](std::size_t n) { return Refusal(std::string(n, '[') + std::string(n, ']')); };
   EXPECT_EQ(nested(64), "");
   EXPECT_NE(nested(65).find("64 levels"), std::string::npos);
   EXPECT_NE(nested(1'000'000).find("64 levels"), std::string::npos);
 }
 
-TEST_F(Json, GettersNeverConvert) {
+TEST_F(JsonReaderTest, GettersNeverConvert) {
   const io::JsonReader json = Parse(
       R"({"list": [{"whole": 8, "real": 8.0, "part": 800.7, "big": 1e30, "text": "8", "yes": true, "none": null}]})");
   const io::JsonReader item = json.At("list").At(0);

@@ -1,5 +1,6 @@
 // Meshes in files, as a foreign reader (assimp) and a byte-wise look at them find them.
 #include "io/scene/mesh.h"
+#include "io/base/json.h"
 
 #include <gtest/gtest.h>
 
@@ -80,7 +81,7 @@ TEST(MeshFiles, AForeignReaderFindsAllVerticesAndTriangles) {
 
 // The JSON of a glb file and the bytes of its buffer.
 struct Glb {
-  nlohmann::json json;
+  io::Json json;
   std::string bytes;
 
   template <typename T>
@@ -98,7 +99,7 @@ Glb ReadGlb(const std::filesystem::path& path) {
   std::uint32_t header[5];
   std::memcpy(header, file.data(), sizeof header);
   EXPECT_EQ(header[2], file.size());
-  return {nlohmann::json::parse(file.substr(20, header[3])), file.substr(20 + header[3] + 8)};
+  return {io::ParseJson(file.substr(20, header[3])), file.substr(20 + header[3] + 8)};
 }
 
 TEST(MeshFiles, GlbHasLinearColoursAndNormalsOfItsOwnAxes) {
@@ -106,7 +107,7 @@ TEST(MeshFiles, GlbHasLinearColoursAndNormalsOfItsOwnAxes) {
   const io::Mesh mesh = Pyramid();
   io::WriteMeshGlb(dir / "a.glb", mesh);
   const Glb glb = ReadGlb(dir / "a.glb");
-  const nlohmann::json& primitive = glb.json["meshes"][0]["primitives"][0];
+  const io::Json& primitive = glb.json["meshes"][0]["primitives"][0];
   const int colour = primitive["attributes"]["COLOR_0"], normal = primitive["attributes"]["NORMAL"];
   EXPECT_EQ(glb.json["accessors"][static_cast<std::size_t>(colour)]["normalized"], true);
   for (std::size_t i = 0; i < mesh.colours.size(); ++i) {
@@ -121,7 +122,7 @@ TEST(MeshFiles, GlbHasLinearColoursAndNormalsOfItsOwnAxes) {
     EXPECT_EQ(glb.Number<float>(normal, 3 * i + 2), -mesh.normals[i].y());
   }
   EXPECT_TRUE(glb.json["materials"][0]["extensions"].contains("KHR_materials_unlit"));
-  EXPECT_EQ(glb.json["extensionsUsed"], nlohmann::json({"KHR_materials_unlit"}));
+  EXPECT_EQ(glb.json["extensionsUsed"], io::Json({"KHR_materials_unlit"}));
 }
 
 TEST(MeshFiles, PlyHoldsTheNumbersOfTheMesh) {

@@ -1,6 +1,7 @@
 // What a checkpoint holds comes back; one that is damaged, or whose header holds values of another type or
 // size under a right hash, is refused by name.
 #include "nerf/fields/checkpoint.h"
+#include "io/base/json.h"
 
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -15,7 +16,7 @@
 namespace nerf {
 namespace {
 
-using Json = nlohmann::json;
+using io::Json;
 
 constexpr std::size_t kLengthAt = 8, kHashAt = 12, kHeaderAt = 44;  // after the magic; the header's hash; it
 
@@ -24,10 +25,10 @@ struct Parts {
   explicit Parts(const std::string& file) : magic(file.substr(0, kLengthAt)) {
     std::uint32_t length;
     std::memcpy(&length, file.data() + kLengthAt, sizeof length);
-    header = Json::parse(file.substr(kHeaderAt, length));
+    header = io::ParseJson(file.substr(kHeaderAt, length));
     tensors = file.substr(kHeaderAt + length);
   }
-  std::string With(const Json& other) const { return WithText(other.dump()); }
+  std::string With(const Json& other) const { return WithText(io::DumpJson(other)); }
   std::string WithText(const std::string& text) const { return Start(text) + tensors; }
   // What stands before the tensors.
   std::string Start(const std::string& text) const {
@@ -83,9 +84,9 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
 
   const Parts parts(ReadText(path));
   // With blanks behind it every header is as long, and only the start of the file is written again.
-  const std::size_t length = parts.header.dump().size() + 512;
+  const std::size_t length = io::DumpJson(parts.header).size() + 512;
   const auto text_of = [&](const Json& header) {
-    std::string text = header.dump();
+    std::string text = io::DumpJson(header);
     EXPECT_LE(text.size(), length);
     text.resize(length, ' ');
     return text;
@@ -108,7 +109,7 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
         Json header = parts.header;
         header[place] = value;
         write(header);
-        ReadOrRefuse(path, place.to_string() + " = " + value.dump());
+        ReadOrRefuse(path, place.to_string() + " = " + io::DumpJson(value));
         ++n_tried;
       }
       Json header = parts.header;

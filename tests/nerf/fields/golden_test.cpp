@@ -1,9 +1,10 @@
 // One training step and ten losses of the `nerf` field with the report's settings against golden values of an
 // independent implementation in double (tests/golden/nerf_step.py).
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "io/base/random.h"
 #include "nerf/steps/field_training.h"
 #include "nerf/steps/mlp_shard.h"
@@ -14,7 +15,7 @@
 namespace nerf {
 namespace {
 
-using Json = nlohmann::json;
+using io::Json;
 
 constexpr std::uint64_t kSeed = 7;
 constexpr int kRays = 8, kSamples = 16;
@@ -25,7 +26,7 @@ constexpr int kBf16Rays = 512;
 constexpr double kBf16FirstCosine = 0.995, kBf16Cosine = 0.999;
 
 const Json& Golden() {
-  static const Json golden = Json::parse(std::ifstream(SOURCE_DIR "/tests/golden/nerf_step.json"));
+  static const Json golden = io::ParseJson(io::ReadFile(SOURCE_DIR "/tests/golden/nerf_step.json"));
   return golden;
 }
 

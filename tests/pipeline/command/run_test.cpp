@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/process/process.h"
 #include "nerf/kernels/kernels.h"
 #include "pipeline/evaluation/scores.h"
@@ -21,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using io::ExitCode;
-using Json = nlohmann::json;
+using io::Json;
 using pipeline::DefaultRunFolder;
 using pipeline::ExamineInput;
 
@@ -145,7 +146,7 @@ TEST_F(FakeStages, OptionsReachTheirStagesAndAreRecorded) {
                 " <--image-size=300> <--holdout=sector> <--holdout-every=4>" + end + "train" + begin +
                 " <--time=20s> <--steps=9> <--seed=3>" + end + "evaluate" + begin + end + "render" + begin +
                 " <--frames=24> <--fps=12> <--depth=true>" + end + "report" + begin + end);
-  const Json record = Json::parse(ReadText(fs::path(out) / "run.json"));
+  const Json record = io::ParseJson(ReadText(fs::path(out) / "run.json"));
   EXPECT_EQ(record["input"], (dir_ / "photos").string());
   EXPECT_EQ(record["options"]["seed"], (Json{{"value", 3}, {"origin", "flag"}}));
   EXPECT_EQ(record["commands"].size(), 7u);
@@ -268,7 +269,7 @@ TEST_F(FakeStages, CommandStartsStagesAndExplainsItself) {
   EXPECT_EQ(Pipeline({"trian"}), 2);
   EXPECT_EQ(OutputLines("unknown command 'trian'. Did you mean train?"), 1);
   EXPECT_EQ(Pipeline({"--version"}), 0);
-  EXPECT_TRUE(Json::parse(Output()).contains("pipeline"));
+  EXPECT_TRUE(io::ParseJson(Output()).contains("pipeline"));
   EXPECT_EQ(Pipeline({}), 2);
   EXPECT_EQ(Pipeline({"run", "--help"}), 0);
   // The stages' own help and defaults.

@@ -1,5 +1,6 @@
 // Evaluation: known errors give known scores, files can be scored again, and nothing wrong is averaged away.
 #include "pipeline/evaluation/evaluation.h"
+#include "io/base/json.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -78,7 +79,7 @@ TEST_F(EvaluationTest, PerfectFieldIsIdenticalAndFinite) {
   EXPECT_EQ(result.flip, 0);
   for (const auto& view : result.views) EXPECT_TRUE(view.identical);
   pipeline::WriteScores(result, folder_);
-  const auto json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
+  const auto json = io::ParseJson(io::ReadFile(folder_ / "metrics.json"));
   EXPECT_EQ(json["protocol"], "capture");
   EXPECT_EQ(json["images"].size(), 4u);
   EXPECT_EQ(json["images"][1]["name"], "view \"1\".png");
@@ -175,7 +176,7 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInComparisons) {
     EXPECT_EQ(view.flip, 0);
   }
   pipeline::WriteScores(result, folder_);
-  EXPECT_EQ(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"))["masked"], true);
+  EXPECT_EQ(io::ParseJson(io::ReadFile(folder_ / "metrics.json"))["masked"], true);
   const pipeline::Comparison shown = pipeline::ComparisonPaths(folder_, 1, 4, "view \"0\".png");
   const io::Image shown_photo = io::ReadImage(shown.photo), shown_render = io::ReadImage(shown.render),
                   shown_error = io::ReadImage(shown.error),
@@ -194,7 +195,7 @@ TEST_F(EvaluationTest, MasksDecideWhatIsScoredAndShowInComparisons) {
   EXPECT_FALSE(whole.masked);
   EXPECT_LT(whole.views[0].psnr_db, 30);
   pipeline::WriteScores(whole, folder_);
-  EXPECT_FALSE(nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json")).contains("masked"));
+  EXPECT_FALSE(io::ParseJson(io::ReadFile(folder_ / "metrics.json")).contains("masked"));
 }
 
 // Scored against transparent black, the background of NeRF-synthetic pictures would count as an error.
@@ -232,12 +233,12 @@ TEST_F(EvaluationTest, BackgroundOfTheProtocolIsRecordedAndMatters) {
   };
   EXPECT_LT(score_on(0), 10);
   EXPECT_EQ(score_on(255), nerf::kMaxPsnrDb);
-  auto json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
+  auto json = io::ParseJson(io::ReadFile(folder_ / "metrics.json"));
   EXPECT_TRUE(json["background"].get<std::string>().starts_with("white, straight alpha")) << json;
   EXPECT_TRUE(json["rounding"].get<std::string>().starts_with("8-bit sRGB, nearest")) << json;
   WriteTruth(SphereField());
   pipeline::WriteScores(pipeline::ScoreViews(scene_, folder_, {}), folder_);
-  json = nlohmann::json::parse(io::ReadFile(folder_ / "metrics.json"));
+  json = io::ParseJson(io::ReadFile(folder_ / "metrics.json"));
   EXPECT_EQ(json["background"], "none");
 }
 

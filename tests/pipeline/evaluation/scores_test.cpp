@@ -1,5 +1,6 @@
 // metrics.json: what is written comes back, and damage is named by file and place.
 #include "pipeline/evaluation/scores.h"
+#include "io/base/json.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 
 namespace {
 
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 pipeline::Scores TwoViews() {
   return {
@@ -80,7 +81,7 @@ TEST(Scores, DamageIsNamedByFileAndPlace) {
   const TempDir dir;
   EXPECT_ERROR(pipeline::ReadScores(dir.path()), io::ExitCode::kBadInput, "metrics.json");
   pipeline::WriteScores(TwoViews(), dir.path());
-  const Json good = Json::parse(ReadText(dir / "metrics.json"));
+  const Json good = io::ParseJson(ReadText(dir / "metrics.json"));
   const struct {
     const char *pointer, *value, *place;
   } kCases[] = {{"/protocol", "4", "protocol"},
@@ -92,8 +93,8 @@ TEST(Scores, DamageIsNamedByFileAndPlace) {
                 {"/images/1/ssim", "\"0.97\"", "images[1].ssim"}};
   for (const auto& c : kCases) {
     Json bad = good;
-    bad[Json::json_pointer(c.pointer)] = Json::parse(c.value);
-    WriteText(dir / "metrics.json", bad.dump());
+    bad[Json::json_pointer(c.pointer)] = io::ParseJson(c.value);
+    WriteText(dir / "metrics.json", io::DumpJson(bad));
     EXPECT_ERROR(
         pipeline::ReadScores(dir.path()), io::ExitCode::kBadInput, std::string("metrics.json: ") + c.place);
   }

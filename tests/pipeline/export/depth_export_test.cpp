@@ -1,5 +1,6 @@
 // Depth, normals and support as files, read back with OpenCV.
 #include "pipeline/export/depth_export.h"
+#include "io/base/json.h"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +18,7 @@ TEST(DepthExport, TheFilesSayWhereTheSphereIs) {
   const TempDir dir;
   const ExportedScene scene = tests::SphereExport(dir / "scene", {.points_apart = "0,0,0,0,0,1=0.25"});
   ExportDepth(scene, dir / "depth");
-  const auto json = nlohmann::json::parse(ReadText(dir / "depth/depth.json"));
+  const auto json = io::ParseJson(ReadText(dir / "depth/depth.json"));
   EXPECT_EQ(json["unit"], "metre");
   EXPECT_EQ(json["invalid"], 0);
   ASSERT_EQ(json["frames"].size(), 20u);

@@ -1,5 +1,6 @@
 // The command: every export of a small trained run in one call, and what it refuses before any work.
 #include "pipeline/export/export.h"
+#include "io/base/json.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -50,7 +51,7 @@ class ExportCommand : public testing::Test {
   }
   // That of every training view in the folder d, as a place with x above `least`.
   void ExpectDepthBeyond(double least) const {
-    const auto record = nlohmann::json::parse(ReadText(dir_ / "d/depth.json"));
+    const auto record = io::ParseJson(ReadText(dir_ / "d/depth.json"));
     const io::Scene scene = io::ReadTransforms(small_->path() / "scene/transforms_train.json").scene;
     int n = 0;
     for (std::size_t i = 0; i < scene.frames.size(); ++i) {

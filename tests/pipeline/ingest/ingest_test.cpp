@@ -1,5 +1,6 @@
 // The ingest stage as a user meets it: folders good and bad, names good and hostile, videos, exit codes.
 #include "pipeline/ingest/ingest.h"
+#include "io/base/json.h"
 
 #include <sys/stat.h>
 
@@ -12,7 +13,7 @@
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using io::Json;
 
 TEST_F(Ingest, PhotosBecomePicturesWithARecord) {
   for (int i = 0; i < 12; ++i) WritePhoto("img" + std::to_string(i) + ".jpg", View(i));
@@ -27,7 +28,7 @@ TEST_F(Ingest, PhotosBecomePicturesWithARecord) {
     EXPECT_EQ(entry["height"], 60);
     EXPECT_EQ(entry["camera_group"], 0);
   }
-  const Json record = Json::parse(Bytes(run() / "ingest/ingest.json"));
+  const Json record = io::ParseJson(Bytes(run() / "ingest/ingest.json"));
   EXPECT_EQ(record["status"], "done");
   EXPECT_EQ(record["input_kind"], "photos");
   EXPECT_EQ(record["kept"], 12);
@@ -185,7 +186,7 @@ TEST_F(Ingest, VideoFramesAreChosenByMotionAndSharpness) {
   }
   EXPECT_LE(n_still, 1);
   EXPECT_EQ(frames_["kept"][19]["name"].get<std::string>().size(), std::string("frame_000123.png").size());
-  const Json record = Json::parse(Bytes(run() / "ingest/ingest.json"));
+  const Json record = io::ParseJson(Bytes(run() / "ingest/ingest.json"));
   EXPECT_EQ(record["input_kind"], "video");
 
   ASSERT_EQ(Run(base_ / "clip.avi", {"--frames", "40:59"}), 0) << message_;

@@ -1,5 +1,6 @@
 // Masks of photos as a user gives them: beside which picture they end up, and which faults are named.
 #include "pipeline/ingest/photo_masks.h"
+#include "io/base/json.h"
 
 #include "io/image/image.h"
 #include "io/image/mask.h"
@@ -8,7 +9,7 @@
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using io::Json;
 
 class IngestMasks : public Ingest {
  protected:

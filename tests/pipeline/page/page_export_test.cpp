@@ -7,6 +7,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "io/image/image.h"
 #include "nerf/fields/checkpoint.h"
 #include "nerf/rendering/trained_field.h"
@@ -52,12 +53,12 @@ class Played {
   const io::Rigid3d& FirstPose() const { return scene_.frames[1].world_from_cam; }
 
   io::Image Snapshot(Browser* browser, const io::Camera& camera, const io::Rigid3d& pose) const {
-    const nlohmann::json asked = {{"pose", RowsOf(pose)},
-                                  {"width", camera.width},
-                                  {"height", camera.height},
-                                  {"focal", {camera.fl_x, camera.fl_y}},
-                                  {"centre", {camera.cx, camera.cy}}};
-    const std::string address = browser->Evaluate("snapshot(" + asked.dump() + ")");
+    const io::Json asked = {{"pose", RowsOf(pose)},
+                            {"width", camera.width},
+                            {"height", camera.height},
+                            {"focal", {camera.fl_x, camera.fl_y}},
+                            {"centre", {camera.cx, camera.cy}}};
+    const std::string address = browser->Evaluate("snapshot(" + io::DumpJson(asked) + ")");
     WriteText(dir_ / "page.png", FromBase64(address.substr(address.find(',') + 1)));
     return io::ReadImage(dir_ / "page.png");
   }
@@ -97,7 +98,7 @@ TEST(PageExport, ShowsABoundedFieldAsItRenders) {
   EXPECT_GT(played.Psnr(&browser), 45);
 
   ASSERT_TRUE(browser.Becomes("sharpness === 2 && !refreshing"));
-  const auto places = [&] { return browser.Evaluate("[view.at, reach()]").dump(); };
+  const auto places = [&] { return io::DumpJson(browser.Evaluate("[view.at, reach()]")); };
   const std::string first = places();
   browser.Drag(40, 36, 70, 40);
   EXPECT_NE(places(), first);

@@ -6,6 +6,7 @@
 
 #include "io/base/atomic_file.h"
 #include "io/base/error.h"
+#include "io/base/json.h"
 #include "tests/support/files/sphere_run.h"
 #include "tests/support/programs/browser.h"
 #include "tests/support/programs/require_program.h"
@@ -13,7 +14,7 @@
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 using tests::RunReport;
 using tests::SphereRun;
 

@@ -1,5 +1,6 @@
 // The report: figures, commands and masks as they are, escaped names, and faults named by file.
 #include "pipeline/report/report.h"
+#include "io/base/json.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,7 +13,7 @@
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 using tests::RunReport;
 using tests::SphereRun;
 
@@ -42,7 +43,7 @@ TEST(Report, SaysHowMuchTheMasksLeave) {
   const SphereRun run;
   ASSERT_EQ(RunReport(run.path()), 0);
   EXPECT_EQ(io::ReadFile(run.path() / "report.html").find("Masks"), std::string::npos);
-  Json scene = Json::parse(io::ReadFile(run.path() / "scene/scene.json"));
+  Json scene = io::ParseJson(io::ReadFile(run.path() / "scene/scene.json"));
   scene.update({{"masks", 17}, {"used_share", 0.4249}});
   run.Write("scene/scene.json", scene);
   ASSERT_EQ(RunReport(run.path()), 0);
@@ -71,7 +72,7 @@ TEST(Report, IsWrittenAgainOnlyWhenSomethingChanged) {
 TEST(Report, DamagedFilesAreRefusedByName) {
   for (const char* file : {"ingest/frames.json", "evaluate/metrics.json", "scene/scene.json"}) {
     const SphereRun run;
-    Json json = Json::parse(io::ReadFile(run.path() / file));
+    Json json = io::ParseJson(io::ReadFile(run.path() / file));
     for (const char* key : {"kept", "psnr", "protocol"}) json[key] = Json::array({1});
     run.Write(file, json);
     testing::internal::CaptureStderr();

@@ -1,5 +1,6 @@
 // frames.json: what is written comes back, and damage is named by file and place.
 #include "pipeline/stage/frames.h"
+#include "io/base/json.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +11,8 @@
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 using io::ExitCode;
+using io::Json;
 
 pipeline::Frames TwoKeptOneDropped() {
   pipeline::Frames frames;
@@ -64,7 +65,7 @@ TEST(Frames, DamageIsNamedByFileAndPlace) {
   const auto path = dir / "frames.json";
   EXPECT_ERROR(pipeline::ReadFrames(path), ExitCode::kBadInput, "frames.json");
   pipeline::WriteFrames(path, TwoKeptOneDropped());
-  const Json good = Json::parse(ReadText(path));
+  const Json good = io::ParseJson(ReadText(path));
   const struct {
     const char *pointer, *value, *place;
   } kCases[] = {{"/kept", "7", "kept"},
@@ -83,11 +84,11 @@ TEST(Frames, DamageIsNamedByFileAndPlace) {
                 {"/dropped/0/reason", "null", "dropped[0].reason"}};
   for (const auto& c : kCases) {
     Json bad = good;
-    bad[Json::json_pointer(c.pointer)] = Json::parse(c.value);
-    WriteText(path, bad.dump());
+    bad[Json::json_pointer(c.pointer)] = io::ParseJson(c.value);
+    WriteText(path, io::DumpJson(bad));
     EXPECT_ERROR(pipeline::ReadFrames(path), ExitCode::kBadInput, std::string("frames.json: ") + c.place);
   }
-  WriteText(path, good.dump().substr(0, 100));
+  WriteText(path, io::DumpJson(good).substr(0, 100));
   EXPECT_ERROR(pipeline::ReadFrames(path), ExitCode::kBadInput, "frames.json");
 }
 

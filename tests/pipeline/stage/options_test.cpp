@@ -1,5 +1,6 @@
 // pipeline/stage/options.h: one line per option gives flag, config key, origin and written-back value.
 #include "pipeline/stage/options.h"
+#include "io/base/json.h"
 
 #include <nlohmann/json.hpp>
 
@@ -34,7 +35,7 @@ struct Parsed {
     arguments.insert(arguments.begin(), "pipeline test");
     wants_run = options.Parse(static_cast<int>(arguments.size()), arguments.data());
   }
-  nlohmann::json Resolved() const { return options.ResolvedJson(); }
+  io::Json Resolved() const { return options.ResolvedJson(); }
 
   Fields fields;
   Options options{"pipeline test", "Tests."};
@@ -76,9 +77,9 @@ TEST(Options, DefaultsAndOriginsAreWrittenBack) {
   EXPECT_EQ(parsed.fields.rate, 1);
   EXPECT_TRUE(parsed.fields.depth);
   const auto resolved = parsed.Resolved();
-  EXPECT_EQ(resolved["steps"], (nlohmann::json{{"value", 11}, {"origin", "flag"}}));
-  EXPECT_EQ(resolved["name"], (nlohmann::json{{"value", "mlp"}, {"origin", "file"}}));
-  EXPECT_EQ(resolved["white"], (nlohmann::json{{"value", true}, {"origin", "default"}}));
+  EXPECT_EQ(resolved["steps"], (io::Json{{"value", 11}, {"origin", "flag"}}));
+  EXPECT_EQ(resolved["name"], (io::Json{{"value", "mlp"}, {"origin", "file"}}));
+  EXPECT_EQ(resolved["white"], (io::Json{{"value", true}, {"origin", "default"}}));
   EXPECT_TRUE(parsed.options.IsSetByUser("steps"));
   EXPECT_TRUE(parsed.options.IsSetByUser("name"));
   EXPECT_FALSE(parsed.options.IsSetByUser("white"));
@@ -146,7 +147,7 @@ TEST(Options, NamesThatAreNotUtf8AreKept) {
   const Parsed parsed({"--out", "caf\xe9"});
   EXPECT_EQ(parsed.fields.out, "caf\xe9");
   EXPECT_EQ(parsed.Resolved()["out"]["value"], "caf\xe9");
-  EXPECT_TRUE(nlohmann::json::accept(parsed.options.KeyText()));
+  EXPECT_TRUE(!io::ParseJson(parsed.options.KeyText()).is_discarded());
 }
 
 TEST(Options, HelpListsEveryOptionWithItsDefault) {
@@ -269,9 +270,9 @@ TEST(Options, PresetsGiveWayToFlags) {
   });
   EXPECT_EQ(ruled.count, 4);
   EXPECT_EQ(ruled.way, "right");
-  const nlohmann::json resolved = ruled.options.ResolvedJson();
+  const io::Json resolved = ruled.options.ResolvedJson();
   EXPECT_EQ(resolved["count"]["origin"], "flag");
-  EXPECT_EQ(resolved["way"], (nlohmann::json{{"value", "right"}, {"origin", "preset"}}));
+  EXPECT_EQ(resolved["way"], (io::Json{{"value", "right"}, {"origin", "preset"}}));
   EXPECT_EQ(resolved["share"]["origin"], "default");
   EXPECT_FALSE(ruled.options.IsSetByUser("way"));
 }

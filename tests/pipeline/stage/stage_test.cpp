@@ -1,5 +1,6 @@
 // pipeline/stage/stage.h and pipeline/stage/run_record.h: the cache, the commit of outputs, the lock, and
 // what a killed stage leaves.
+#include "io/base/json.h"
 #include "pipeline/stage/common_options.h"
 #include "pipeline/stage/folder_lock.h"
 #include "pipeline/stage/guarded_main.h"
@@ -24,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using io::ExitCode;
-using Json = nlohmann::ordered_json;
+using io::Json;
 using pipeline::CommonOptions;
 using pipeline::FolderLock;
 using pipeline::Options;
@@ -53,8 +54,8 @@ struct Doubling {
     stage.Finish();
     return true;
   }
-  Json Record() const { return Json::parse(ReadText(run / "scene/scene.json")); }
-  Json Entry() const { return Json::parse(ReadText(run / "run.json"))["stages"]["normalize"]; }
+  Json Record() const { return io::ParseJson(ReadText(run / "scene/scene.json")); }
+  Json Entry() const { return io::ParseJson(ReadText(run / "run.json"))["stages"]["normalize"]; }
 
   fs::path input, run;
 };
@@ -120,7 +121,7 @@ TEST(StageRun, ARecordWithAnyValueChangedIsMadeAnew) {
     for (const Json& value : {Json(), Json(7), Json("x"), Json(true), Json(Json::array()), Json{{"a", 1}}}) {
       Json changed = record;
       changed[member.key()] = value;
-      WriteText(file, changed.dump());
+      WriteText(file, io::DumpJson(changed));
       EXPECT_TRUE(stage.Run()) << member.key() << " " << value;
     }
   }
@@ -322,7 +323,7 @@ TEST(RunRecord, MembersAndStagesAreMerged) {
   pipeline::RecordRun(dir / "run", {{"input", "a"}, {"commands", {{"sfm", "x"}}}});
   pipeline::RecordStage(dir / "run", "sfm", {{"status", "done"}});
   pipeline::RecordRun(dir / "run", {{"input", "b"}});
-  const Json record = Json::parse(ReadText(dir / "run/run.json"));
+  const Json record = io::ParseJson(ReadText(dir / "run/run.json"));
   EXPECT_EQ(record["input"], "b");
   EXPECT_EQ(record["commands"]["sfm"], "x");
   EXPECT_EQ(record["stages"]["sfm"]["status"], "done");

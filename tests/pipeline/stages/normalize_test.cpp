@@ -11,6 +11,7 @@
 #include <set>
 
 #include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "io/base/owned_folder.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
@@ -24,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
-using Json = nlohmann::json;
+using io::Json;
 
 constexpr int kFrames = 17;
 constexpr int kWidth = 80, kHeight = 60;
@@ -72,7 +73,7 @@ class Normalize : public testing::Test {
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
     return pipeline::RunNormalize(static_cast<int>(argv.size()), argv.data());
   }
-  Json Record() const { return Json::parse(io::ReadFile(out_ / "scene/scene.json")); }
+  Json Record() const { return io::ParseJson(io::ReadFile(out_ / "scene/scene.json")); }
   io::TransformsFile Split(const std::string& split) const {
     return io::ReadTransforms(out_ / ("scene/transforms_" + split + ".json"));
   }
@@ -186,7 +187,8 @@ TEST_F(Normalize, SparsePointsInOnePlaceAreNamedAndLeftOut) {
   io::WritePly(in_ / "points.ply", scene.points);
   ASSERT_EQ(Run({"--poses", in_.string()}), 0);
   EXPECT_TRUE(Split("train").scene.points.empty());
-  EXPECT_THAT(Record()["decisions"].dump(), testing::HasSubstr("the 200 sparse points lie in one place"));
+  EXPECT_THAT(io::DumpJson(Record()["decisions"]),
+              testing::HasSubstr("the 200 sparse points lie in one place"));
 }
 
 TEST_F(Normalize, MissingPicturesAreNamed) {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "io/base/owned_folder.h"
 #include "io/scene/transforms.h"
 #include "pipeline/evaluation/evaluation.h"
@@ -46,7 +47,7 @@ class TrainTest : public testing::Test {
     std::vector<const char*> argv;
     for (const std::string& flag : flags) argv.push_back(flag.c_str());
     EXPECT_EQ(pipeline::RunTrain(static_cast<int>(argv.size()), argv.data()), 0);
-    return nlohmann::json::parse(io::ReadFile(out_ / "train/train.json"))["decisions"].dump();
+    return io::DumpJson(io::ParseJson(io::ReadFile(out_ / "train/train.json"))["decisions"]);
   }
 
   TempDir dir_;
@@ -68,18 +69,16 @@ TEST_F(TrainTest, OrOnTheValidationPicturesThatAreGiven) {
 
 TEST_F(TrainTest, CamerasThatMovedAreWritten) {
   Decisions({"--steps=2"});
-  EXPECT_EQ(nlohmann::json::parse(io::ReadFile(out_ / "train/cameras.json"))["frames"],
-            nlohmann::json::array());
+  EXPECT_EQ(io::ParseJson(io::ReadFile(out_ / "train/cameras.json"))["frames"], io::Json::array());
 
   io::Rigid3d pose;
   pose.rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
   pose.translation << 2, 3, 4;
   pipeline::WriteMovedCameras(out_ / "cameras.json", {{"a.png", 1.5, pose}});
-  const nlohmann::json frame = nlohmann::json::parse(io::ReadFile(out_ / "cameras.json"))["frames"].at(0);
+  const io::Json frame = io::ParseJson(io::ReadFile(out_ / "cameras.json"))["frames"].at(0);
   EXPECT_EQ(frame["name"], "a.png");
   EXPECT_EQ(frame["moved_px"], 1.5);
-  EXPECT_EQ(frame["transform_matrix"],
-            nlohmann::json({{0, -1, 0, 2}, {1, 0, 0, 3}, {0, 0, 1, 4}, {0, 0, 0, 1}}));
+  EXPECT_EQ(frame["transform_matrix"], io::Json({{0, -1, 0, 2}, {1, 0, 0, 3}, {0, 0, 1, 4}, {0, 0, 0, 1}}));
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ TEST(ViewPage, IsDrivenByMouseKeysAndButtons) {
   ASSERT_TRUE(browser.Becomes(kSharp)) << browser.Evaluate("document.body.innerText");
   EXPECT_EQ(browser.Evaluate("byId('name').textContent"), "a run");
 
-  const auto places = [&] { return browser.Evaluate("[view.at, reach()]").dump(); };
+  const auto places = [&] { return io::DumpJson(browser.Evaluate("[view.at, reach()]")); };
   const std::string first = places();
   const double reach = browser.Evaluate("reach()");
   browser.Drag(kX, kY, kX + 80, kY + 20);

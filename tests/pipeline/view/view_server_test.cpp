@@ -1,5 +1,6 @@
 // The page's server: what it answers, whom it refuses, and that it survives hostile clients.
 #include "pipeline/view/view_server.h"
+#include "io/base/json.h"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -19,8 +20,8 @@ namespace pipeline {
 namespace {
 
 namespace fs = std::filesystem;
+using io::Json;
 using testing::HasSubstr;
-using Json = nlohmann::json;
 
 class ViewServerTest : public testing::Test {
  protected:
@@ -72,10 +73,10 @@ TEST_F(ViewServerTest, ThePageCarriesItsStyleAndScriptAndNothingElse) {
 }
 
 TEST_F(ViewServerTest, TellsSceneStateAndPhotos) {
-  const Json scene = Json::parse(Get("/scene")->body);
+  const Json scene = io::ParseJson(Get("/scene")->body);
   EXPECT_EQ(scene["cameras"].size(), 8u);
   EXPECT_EQ(scene["name"], "a run");
-  const Json state = Json::parse(Get("/state")->body);
+  const Json state = io::ParseJson(Get("/state")->body);
   EXPECT_EQ(state["shows"], "field");
   EXPECT_EQ(state["finished"], true);
   EXPECT_EQ(state["training"], nullptr);
@@ -94,7 +95,7 @@ TEST_F(ViewServerTest, BeforeThereArePosesThereIsNothingToShow) {
   const httplib::Headers token = {{"X-Token", server.token()}};
   const auto get = [&](const std::string& path) { return client.Get(path.c_str(), token); };
   EXPECT_EQ(get("/scene")->status, 404);
-  EXPECT_EQ(Json::parse(get("/state")->body)["shows"], "nothing");
+  EXPECT_EQ(io::ParseJson(get("/state")->body)["shows"], "nothing");
   EXPECT_EQ(get("/photo?index=0")->status, 400);
   EXPECT_EQ(get(FramePath("colour", 1))->status, 204);
 }
@@ -169,11 +170,11 @@ TEST_F(ViewServerTest, SavesTheCameraPath) {
   const auto post = [&](const std::string& path, const std::string& text) {
     return client_.Post(path.c_str(), token_, text, "application/json");
   };
-  EXPECT_EQ(Json::parse(post("/path?save=0", body)->body)["frames"].size(), 10u);
+  EXPECT_EQ(io::ParseJson(post("/path?save=0", body)->body)["frames"].size(), 10u);
   EXPECT_FALSE(fs::exists(small_->path() / "camera_path.json"));
   EXPECT_EQ(post("/path?save=1", body)->status, 200);
   EXPECT_EQ(ReadCameraPath(small_->path() / "camera_path.json").frames.size(), 10u);
-  EXPECT_EQ(Json::parse(Get("/path")->body)["keyframes"].size(), 2u);
+  EXPECT_EQ(io::ParseJson(Get("/path")->body)["keyframes"].size(), 2u);
   EXPECT_EQ(post("/path?save=1", "{")->status, 400);
   EXPECT_EQ(post("/path?save=1", std::string(2 << 20, ' '))->status, 413);
   EXPECT_EQ(ReadCameraPath(small_->path() / "camera_path.json").frames.size(), 10u);

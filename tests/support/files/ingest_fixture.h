@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "io/base/json.h"
 #include "pipeline/ingest/ingest.h"
 
 constexpr int kWidth = 160, kHeight = 120;
@@ -74,7 +75,7 @@ class Ingest : public testing::Test {
     const int code = pipeline::RunIngest(static_cast<int>(argv.size()), argv.data());
     message_ = testing::internal::GetCapturedStderr();
     const std::filesystem::path frames = run() / "ingest" / "frames.json";
-    frames_ = std::filesystem::exists(frames) ? nlohmann::json::parse(Bytes(frames)) : nlohmann::json();
+    frames_ = std::filesystem::exists(frames) ? io::ParseJson(Bytes(frames)) : io::Json();
     return code;
   }
   // True when what was printed holds all `parts`.
@@ -83,19 +84,19 @@ class Ingest : public testing::Test {
     return ((message_.find(parts) != std::string::npos) && ...);
   }
   std::string ReasonFor(const std::string& source) const {
-    for (const nlohmann::json& entry : frames_["dropped"]) {
+    for (const io::Json& entry : frames_["dropped"]) {
       if (entry["source"] == source) return entry["reason"];
     }
     return "";
   }
   std::set<std::string> KeptNames() const {
     std::set<std::string> names;
-    for (const nlohmann::json& entry : frames_["kept"]) names.insert(entry["name"]);
+    for (const io::Json& entry : frames_["kept"]) names.insert(entry["name"]);
     return names;
   }
 
   std::filesystem::path base_;
   cv::Mat texture_;
   std::string message_;
-  nlohmann::json frames_;
+  io::Json frames_;
 };

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
+#include "io/base/json.h"
 #include "io/base/owned_folder.h"
 #include "io/image/image.h"
 #include "io/scene/ply.h"
@@ -21,7 +22,7 @@ namespace tests {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using io::Json;
 
 Json Record(const std::string& stage, double wall_s, const std::vector<std::string>& decisions) {
   return {
@@ -56,7 +57,7 @@ SphereRun::SphereRun() : path_(fs::temp_directory_path() / ("sphere run " + std:
 SphereRun::~SphereRun() { fs::remove_all(path_); }
 
 void SphereRun::Write(const fs::path& file, const Json& json) const {
-  io::WriteFileAtomically(path_ / file, json.dump(1, ' ', false, Json::error_handler_t::replace));
+  io::WriteFileAtomically(path_ / file, io::DumpJson(json, 1));
 }
 
 io::Scene SphereRun::Split(const std::string& name, int n) const {

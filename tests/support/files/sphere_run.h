@@ -2,8 +2,8 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include "io/base/json.h"
 
 #include "io/scene/scene.h"
 
@@ -22,7 +22,7 @@ class SphereRun {
   SphereRun& operator=(const SphereRun&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
-  void Write(const std::filesystem::path& file, const nlohmann::ordered_json& json) const;
+  void Write(const std::filesystem::path& file, const io::Json& json) const;
 
  private:
   io::Scene Split(const std::string& name, int n) const;

@@ -12,6 +12,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "io/base/json.h"
+
 namespace {
 
 constexpr int kAnswer_ms = 30000;
@@ -55,7 +57,7 @@ Browser::Browser(const std::string& url, int width, int height) {
   close(from[1]);
   to_ = to[1];
   from_ = from[0];
-  const nlohmann::json target = Call("Target.createTarget", {{"url", "about:blank"}});
+  const io::Json target = Call("Target.createTarget", {{"url", "about:blank"}});
   session_ =
       Call("Target.attachToTarget", {{"targetId", target["targetId"]}, {"flatten", true}})["sessionId"];
   Call("Emulation.setDeviceMetricsOverride",
@@ -72,7 +74,7 @@ Browser::~Browser() {
   close(from_);
 }
 
-nlohmann::json Browser::Receive() {
+io::Json Browser::Receive() {
   std::size_t end;
   while ((end = received_.find('\0')) == std::string::npos) {
     pollfd ready = {from_, POLLIN, 0};
@@ -81,30 +83,30 @@ nlohmann::json Browser::Receive() {
     if (n <= 0) throw std::runtime_error("chromium does not answer");
     received_.append(buffer, static_cast<std::size_t>(n));
   }
-  const nlohmann::json message = nlohmann::json::parse(received_.substr(0, end));
+  const io::Json message = io::ParseJson(received_.substr(0, end));
   received_.erase(0, end + 1);
   return message;
 }
 
-nlohmann::json Browser::Call(const std::string& method, const nlohmann::json& parameters) {
-  nlohmann::json message = {{"id", ++id_}, {"method", method}, {"params", parameters}};
+io::Json Browser::Call(const std::string& method, const io::Json& parameters) {
+  io::Json message = {{"id", ++id_}, {"method", method}, {"params", parameters}};
   if (!session_.empty()) message["sessionId"] = session_;
-  const std::string text = message.dump();
+  const std::string text = io::DumpJson(message);
   if (write(to_, text.c_str(), text.size() + 1) != static_cast<ssize_t>(text.size() + 1))
     throw std::runtime_error("chromium has ended");
   for (;;) {
-    const nlohmann::json answer = Receive();
+    const io::Json answer = Receive();
     if (answer.value("id", 0) != id_) continue;  // an event
-    if (answer.contains("error")) throw std::runtime_error(method + ": " + answer["error"].dump());
+    if (answer.contains("error")) throw std::runtime_error(method + ": " + io::DumpJson(answer["error"]));
     return answer["result"];
   }
 }
 
-nlohmann::json Browser::Evaluate(const std::string& expression) {
-  const nlohmann::json answer =
+io::Json Browser::Evaluate(const std::string& expression) {
+  const io::Json answer =
       Call("Runtime.evaluate", {{"expression", expression}, {"returnByValue", true}, {"awaitPromise", true}});
-  if (answer.contains("exceptionDetails")) throw std::runtime_error(answer["exceptionDetails"].dump());
-  return answer["result"].value("value", nlohmann::json());
+  if (answer.contains("exceptionDetails")) throw std::runtime_error(io::DumpJson(answer["exceptionDetails"]));
+  return answer["result"].value("value", io::Json());
 }
 
 bool Browser::Becomes(const std::string& expression) {
@@ -115,8 +117,8 @@ bool Browser::Becomes(const std::string& expression) {
   return false;
 }
 
-void Browser::Mouse(const std::string& type, double x, double y, const nlohmann::json& more) {
-  nlohmann::json parameters = {{"type", type}, {"x", x}, {"y", y}};
+void Browser::Mouse(const std::string& type, double x, double y, const io::Json& more) {
+  io::Json parameters = {{"type", type}, {"x", x}, {"y", y}};
   parameters.update(more);
   Call("Input.dispatchMouseEvent", parameters);
 }

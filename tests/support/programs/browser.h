@@ -2,8 +2,8 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include "io/base/json.h"
 
 #include "tests/support/files/temp_dir.h"
 
@@ -15,7 +15,7 @@ class Browser {
   ~Browser();
 
   // Value of a JavaScript expression in the page; promises are awaited.
-  nlohmann::json Evaluate(const std::string& expression);
+  io::Json Evaluate(const std::string& expression);
   // Whether the expression becomes true within 20 seconds.
   bool Becomes(const std::string& expression);
   void Drag(double x, double y, double to_x, double to_y);
@@ -24,9 +24,9 @@ class Browser {
   void Screenshot(const std::filesystem::path& png);
 
  private:
-  nlohmann::json Call(const std::string& method, const nlohmann::json& parameters);
-  nlohmann::json Receive();
-  void Mouse(const std::string& type, double x, double y, const nlohmann::json& more);
+  io::Json Call(const std::string& method, const io::Json& parameters);
+  io::Json Receive();
+  void Mouse(const std::string& type, double x, double y, const io::Json& more);
 
   TempDir profile_;
   int pid_ = 0, to_ = -1, from_ = -1, id_ = 0;
