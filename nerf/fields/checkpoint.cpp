@@ -170,9 +170,9 @@ void ReadSplatState(const std::filesystem::path& path,
   const auto number = Get<std::size_t>(path, header, "number", 0, file_size / kSplatBytes);
   scene_field->splats.resize(number);
   scene_field->splat_focal_px = Get(path, header, "focal_px", 1e-3f, 1e9f);
-  scene_field->splat_share = Get(path, header, "share", 0.f, 1.f);
   state->step = Get<std::uint64_t>(path, header, "step", 0, ~0ull);
   state->error_ratio = Get(path, header, "error_ratio", 0.0, 1e12);
+  scene_field->SetSplatShare(Get(path, header, "share", 0.f, 1.f), state->error_ratio);
   state->is_judged = Get(path, header, "judged", 0, 1) == 1;
   state->begin_s = Get(path, header, "begin_s", 0.0, 1e12);
   state->squared_error = Get(path, header, "squared_error", -1.0, 1e12);

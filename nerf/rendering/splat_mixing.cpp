@@ -10,6 +10,10 @@ namespace {
 
 // Pictures of wide angles are not drawn larger than this, in sides of what is wanted.
 constexpr double kMostShrink = 4;
+// A surface of the field stands before the splats where it is nearer than the second share of their distance,
+// and does not beyond the first; edges of things lie in between.
+constexpr float kNearlyAsFar = 0.9f, kWellBefore = 0.8f;
+constexpr float kTransparent = 1e-3f;  // opacity of splats below which they have no distance
 
 std::vector<float> Resized(
     const std::vector<float>& values, const io::Camera& from, const io::Camera& to, int channels, int how) {
@@ -35,6 +39,45 @@ void PutBefore(const std::vector<float>& field_rgb, SplatPicture* splats) {
 
 Splats SplatsIn(const Splats& splats, const CropBox& box) {
   return SplatsWhere(splats, [&](const Eigen::Vector3d& middle) { return Contains(box, middle); });
+}
+
+// The splats' opacity over their distance, in the first channel; a fine structure is not needed.
+SplatPicture InverseDistances(Splats splats,
+                              const io::Camera& camera,
+                              const io::Rigid3d& world_from_cam,
+                              SplatRasteriser* rasteriser) {
+  std::ranges::fill(splats.colours, 0.f);
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const Eigen::Vector3d middle = Eigen::Vector3f(&splats.places[3 * i]).cast<double>();
+    const double distance = std::max(kNearestSplat, (middle - world_from_cam.translation).norm());
+    splats.colours[3 * kHarmonics * i] = static_cast<float>((1 / distance - 0.5) / kHarmonic0);
+  }
+  return rasteriser->Render(splats, {camera, world_from_cam});
+}
+
+// The splats' share of each pixel of the field's view.
+std::vector<float> SplatShares(const SceneField& scene_field,
+                               const io::Camera& camera,
+                               const io::Rigid3d& world_from_cam,
+                               const std::optional<CropBox>& crop,
+                               const RenderedView& view,
+                               SplatRasteriser* rasteriser) {
+  const float share = scene_field.splat_share, behind = scene_field.splat_share_behind;
+  std::vector<float> shares(view.rgb.size() / 3, share);
+  if (view.median_depth.empty() || behind <= share) return shares;
+  const SplatPicture inverse =
+      InverseDistances(crop ? SplatsIn(scene_field.splats, *crop) : scene_field.splats,
+                       io::ResizedCamera(camera, view.width, view.height),
+                       world_from_cam,
+                       rasteriser);
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    const float opacity = 1 - inverse.transmittance[i];
+    if (opacity < kTransparent || !std::isfinite(view.median_depth[i])) continue;
+    const float nearer = view.median_depth[i] * inverse.rgb[3 * i] / opacity;
+    shares[i] +=
+        (behind - share) * std::clamp((kNearlyAsFar - nearer) / (kNearlyAsFar - kWellBefore), 0.f, 1.f);
+  }
+  return shares;
 }
 
 }  // namespace
@@ -74,19 +117,21 @@ void MixSplats(const SceneField& scene_field,
   if (scene_field.splats.size() == 0) return;
   SplatRasteriser rasteriser(workers);
   SplatPicture picture = RenderSplats(scene_field, camera, world_from_cam, crop, &rasteriser);
+  std::vector<float> shares = SplatShares(scene_field, camera, world_from_cam, crop, *view, &rasteriser);
   std::vector<float> blurred;  // what of `picture` the magnified view can tell; empty: all
   if (view->width != camera.width || view->height != camera.height) {
     const io::Camera small = io::ResizedCamera(camera, view->width, view->height);
     SplatPicture shrunk = Shrunk(picture, camera, small);
     PutBefore(view->rgb, &shrunk);
     blurred = Resized(shrunk.rgb, small, camera, 3, cv::INTER_LINEAR);
+    shares = Resized(shares, small, camera, 1, cv::INTER_LINEAR);
     *view = Magnified(*view, camera.width, camera.height);
   }
   PutBefore(view->rgb, &picture);
   for (std::size_t i = 0; i < view->rgb.size(); ++i) {
     const float opacity = crop ? view->opacity[i / 3] : 1, over = picture.rgb[i];
     const float detail = blurred.empty() ? 0 : opacity * (over - blurred[i]);
-    view->rgb[i] = MixedValue(view->rgb[i] + detail, over, opacity * scene_field.splat_share);
+    view->rgb[i] = MixedValue(view->rgb[i] + detail, over, opacity * shares[i / 3]);
   }
 }
 

@@ -3,7 +3,9 @@
 // The field is smooth and complete; splats are sharp where photographs show them often, and let light pass
 // where they do not reach. What they let pass is filled by the field, and a mean of both pictures has less
 // error than either: their faults differ. Of the fine structure, the splats alone tell as much as this mean
-// (EXPERIMENTS.md, Rendering), so that the field's picture may be small.
+// (EXPERIMENTS.md, Rendering), so that the field's picture may be small. Where the field's surface stands
+// well before the splats, it is mostly a floater that no photograph saw from there: such pixels are the
+// splats'.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +20,7 @@
 
 namespace nerf {
 
-// A value of the picture, from the field's and that of the splats before the field. share:
-// SceneField::splat_share.
+// A value of the picture, from the field's and that of the splats before the field, which have this share.
 inline float MixedValue(float field, float over, float share) {
   return std::clamp(field + share * (over - field), 0.f, 1.f);
 }

@@ -141,7 +141,7 @@ void SplatFit::ChooseShare() {
   const double field = std::clamp(kFieldRatioPerSplats * ratio, kLeastFieldRatio, kMostFieldRatio) *
                        state_->squared_error,
                splats = ratio * state_->splats.squared_error;
-  scene_field_->splat_share = static_cast<float>(std::min(kMostShare, field / (field + splats)));
+  scene_field_->SetSplatShare(static_cast<float>(std::min(kMostShare, field / (field + splats))), ratio);
 }
 
 std::string SplatFit::Finish() {

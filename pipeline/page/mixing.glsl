@@ -1,4 +1,5 @@
-// The picture of field and splats in one: nerf/rendering/splat_mixing.h. The field's veil lies over both.
+// The picture of field and splats in one: nerf/rendering/splat_mixing.h, but for floaters of the field, which keep their
+// share here. The field's veil lies over both.
 precision highp float;
 
 uniform sampler2D field, splats;

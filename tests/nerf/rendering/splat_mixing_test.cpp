@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "nerf/splatting/plain_rasteriser.h"
 #include "tests/support/scenes/small_field.h"
@@ -107,6 +108,32 @@ TEST_F(SplatMixing, InACropBoxTheFieldsOpacityIsKept) {
     EXPECT_NEAR(half[i], 0.5 * (0.25 + whole[i]), 1e-6);
   }
   EXPECT_EQ(Mixed({}, 0), whole) << "without a box light that leaves the scene shows the background";
+}
+
+// The splats lie some units from the camera; the field has the same everywhere, nearer or farther.
+TEST_F(SplatMixing, WhatStandsBeforeTheSplatsGivesWayToThem) {
+  scene_field_.splats = tests::SomeSplats(60);
+  scene_field_.SetSplatShare(0.3f, 1);
+  const std::vector<double> over = RenderPlainly(scene_field_.splats, view_, {0.25, 0.25, 0.25});
+  const auto expect_share = [&](double share, float depth, int width, int height) {
+    RenderedView field{.width = width, .height = height};
+    const auto n = static_cast<std::size_t>(width * height);
+    field.rgb.assign(3 * n, 0.25f), field.opacity.assign(n, 1), field.median_depth.assign(n, depth);
+    MixSplats(scene_field_, view_.camera, view_.world_from_cam, {}, &workers_, &field);
+    double sum = 0, difference = 0;
+    for (std::size_t i = 0; i < over.size(); ++i) {
+      sum += std::abs(std::clamp(over[i], 0.0, 1.0) - 0.25);
+      difference += std::abs(field.rgb[i] - std::clamp(0.25 + share * (over[i] - 0.25), 0.0, 1.0));
+    }
+    EXPECT_LT(difference, 0.03 * sum) << "field at " << depth;
+  };
+  expect_share(1, 0.1f, 24, 16);
+  expect_share(0.3, 100, 24, 16);
+  expect_share(0.3, std::numeric_limits<float>::infinity(), 24, 16);
+  scene_field_.SetSplatShare(0.3f, 3);  // half as believable
+  expect_share(0.65, 0.1f, 24, 16);
+  scene_field_.SetSplatShare(0.3f, 4);
+  expect_share(0.3, 0.1f, 24, 16);
 }
 
 TEST_F(SplatMixing, WithoutSplatsItIsTheField) {

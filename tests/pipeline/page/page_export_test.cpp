@@ -44,7 +44,17 @@ class Played {
     options.field.grid_resolution = 64;
     fs::create_directories(dir_ / "train");
     nerf::Train(scene_, {}, options, dir_ / "train");
+    KeepFloaters(dir_ / "train/checkpoint.bin");
     ExportPage(scene_, dir_ / "train/checkpoint.bin", "a </script> run", page());
+  }
+
+  // In the page what stands before the splats does not give way to them (mixing.glsl): nor does it to splats
+  // whose error on unseen photos is this large.
+  static void KeepFloaters(const fs::path& checkpoint) {
+    nerf::TrainState state;
+    const auto scene_field = nerf::ReadCheckpoint(checkpoint, &state);
+    state.splats.error_ratio = 4;
+    nerf::WriteCheckpoint(checkpoint, scene_field.get(), state);
   }
 
   fs::path page() const { return dir_ / "scene.html"; }
@@ -122,7 +132,6 @@ TEST(PageExport, ShowsAnUnboundedFieldAsItRenders) {
   behind.rotation.col(0) *= -1, behind.rotation.col(2) *= -1;
   const io::Camera camera = {.width = 24, .height = 16, .fl_x = 20, .fl_y = 20, .cx = 12, .cy = 8};
   const io::Image veiled = played.Snapshot(&browser, camera, behind);
-  io::WriteImage("/tmp/veiled.png", veiled);
   for (int c = 0; c < 3; ++c)
     EXPECT_NEAR(veiled.Pixel(12, 8)[c], 255 * kUnseenTone[static_cast<std::size_t>(c)], 1) << c;
   // Where a picture of splats takes long, none is waited for while a hand moves.
