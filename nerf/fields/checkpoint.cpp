@@ -172,7 +172,9 @@ void ReadSplatState(const std::filesystem::path& path,
   scene_field->splat_focal_px = Get(path, header, "focal_px", 1e-3f, 1e9f);
   state->step = Get<std::uint64_t>(path, header, "step", 0, ~0ull);
   state->error_ratio = Get(path, header, "error_ratio", 0.0, 1e12);
-  scene_field->SetSplatShare(Get(path, header, "share", 0.f, 1.f), state->error_ratio);
+  scene_field->splat_share = Get(path, header, "share", 0.f, 1.f);
+  scene_field->splat_share_behind =
+      header.contains("share_behind") ? Get(path, header, "share_behind", 0.f, 1.f) : 0;
   state->is_judged = Get(path, header, "judged", 0, 1) == 1;
   state->begin_s = Get(path, header, "begin_s", 0.0, 1e12);
   state->squared_error = Get(path, header, "squared_error", -1.0, 1e12);
@@ -220,6 +222,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
   header["splats"] = {{"number", scene_field->splats.size()},
                       {"focal_px", scene_field->splat_focal_px},
                       {"share", scene_field->splat_share},
+                      {"share_behind", scene_field->splat_share_behind},
                       {"unfinished", state.splats.moments.empty() ? 0 : 1},
                       {"step", state.splats.step},
                       {"judged", state.splats.is_judged ? 1 : 0},

@@ -12,10 +12,6 @@
 namespace nerf {
 namespace {
 
-// Error ratio of splats from which they are not believed to see through the field; one less, and they are. It
-// is 1.3 to 2.5 where floaters are what stands before them, 4 on a street whose houses few photos show.
-constexpr double kUntrustedRatio = 3.5;
-
 // Sampling interval, in pixel footprints. Unbounded scenes are crossed along much longer paths, mostly
 // through thin leftovers; longer intervals buy more rays.
 constexpr double kIntervalPixels = 1.5, kUnboundedIntervalPixels = 4.0;
@@ -193,12 +189,6 @@ std::string Derivation(const Space& space, const std::string& size, const SceneF
 }
 
 }  // namespace
-
-void SceneField::SetSplatShare(float share, double error_ratio) {
-  splat_share = share;
-  splat_share_behind =
-      share + (1 - share) * static_cast<float>(std::clamp(kUntrustedRatio - error_ratio, 0.0, 1.0));
-}
 
 std::array<float, 3> SceneField::Background(bool has_alpha, const std::array<float, 3>& chosen) const {
   if (background) return *background;

@@ -52,12 +52,8 @@ struct SceneField {
   Splats splats;
   float splat_focal_px = 1;  // of the pictures that they were fitted to
   float splat_share = 0.5f;  // in pictures; the field has the rest
-  // The same where they lie well behind the field's surface: what the field has there is mostly a floater.
-  float splat_share_behind = 0.5f;
-
-  // error_ratio: squared error of the splats on photos that were set aside, over that on their neighbours.
-  // Where it is large, splats let light through that surfaces should stop, and are not believed more.
-  void SetSplatShare(float share, double error_ratio);
+  // The same where they lie well behind the field's surface (rendering/splat_mixing.h); no more if smaller.
+  float splat_share_behind = 0;
 };
 
 // Overrides of what is otherwise derived from the scene; 0 keeps the derivation.

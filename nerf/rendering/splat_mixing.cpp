@@ -63,20 +63,14 @@ std::vector<float> SplatShares(const SceneField& scene_field,
                                const RenderedView& view,
                                SplatRasteriser* rasteriser) {
   const float share = scene_field.splat_share, behind = scene_field.splat_share_behind;
-  std::vector<float> shares(view.rgb.size() / 3, share);
-  if (view.median_depth.empty() || behind <= share) return shares;
-  const SplatPicture inverse =
-      InverseDistances(crop ? SplatsIn(scene_field.splats, *crop) : scene_field.splats,
-                       io::ResizedCamera(camera, view.width, view.height),
-                       world_from_cam,
-                       rasteriser);
-  for (std::size_t i = 0; i < shares.size(); ++i) {
-    const float opacity = 1 - inverse.transmittance[i];
-    if (opacity < kTransparent || !std::isfinite(view.median_depth[i])) continue;
-    const float nearer = view.median_depth[i] * inverse.rgb[3 * i] / opacity;
-    shares[i] +=
-        (behind - share) * std::clamp((kNearlyAsFar - nearer) / (kNearlyAsFar - kWellBefore), 0.f, 1.f);
-  }
+  if (view.median_depth.empty() || behind <= share) return std::vector(view.rgb.size() / 3, share);
+  std::vector<float> shares =
+      FieldBeforeSplats(crop ? SplatsIn(scene_field.splats, *crop) : scene_field.splats,
+                        io::ResizedCamera(camera, view.width, view.height),
+                        world_from_cam,
+                        view.median_depth,
+                        rasteriser);
+  for (float& value : shares) value = share + (behind - share) * value;
   return shares;
 }
 
@@ -106,6 +100,22 @@ SplatPicture RenderSplats(const SceneField& scene_field,
                                              static_cast<int>(std::ceil(times * camera.width)),
                                              static_cast<int>(std::ceil(times * camera.height)));
   return Shrunk(render(large), large, camera);
+}
+
+std::vector<float> FieldBeforeSplats(const Splats& splats,
+                                     const io::Camera& camera,
+                                     const io::Rigid3d& world_from_cam,
+                                     const std::vector<float>& median_depth,
+                                     SplatRasteriser* rasteriser) {
+  const SplatPicture inverse = InverseDistances(splats, camera, world_from_cam, rasteriser);
+  std::vector<float> before(median_depth.size(), 0.f);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const float opacity = 1 - inverse.transmittance[i];
+    if (opacity < kTransparent || !std::isfinite(median_depth[i])) continue;
+    const float nearer = median_depth[i] * inverse.rgb[3 * i] / opacity;
+    before[i] = std::clamp((kNearlyAsFar - nearer) / (kNearlyAsFar - kWellBefore), 0.f, 1.f);
+  }
+  return before;
 }
 
 void MixSplats(const SceneField& scene_field,

@@ -41,6 +41,15 @@ SplatPicture RenderSplats(const SceneField& scene_field,
                           SplatRasteriser* rasteriser);
 inline constexpr double kLeastZoom = 0.8;
 
+// How well the field's surface stands before the splats, at each pixel of a view of median_depth: 0 where it
+// is as far from the camera as they are, or hardly nearer, up to 1 from four fifths of their distance on. 0
+// as well where one of both is transparent.
+std::vector<float> FieldBeforeSplats(const Splats& splats,
+                                     const io::Camera& camera,
+                                     const io::Rigid3d& world_from_cam,
+                                     const std::vector<float>& median_depth,
+                                     SplatRasteriser* rasteriser);
+
 // view: the field's, in the same box, of the camera's size or smaller. A smaller one is magnified (M) and
 // takes what it lacks of the fine structure from the splats before it:
 //   field = M(view) + over - M(over of the view and the splats' picture shrunk to its size)

@@ -54,6 +54,8 @@ class SplatFit {
   double SquaredError(std::size_t view);
   void Judge();
   void ChooseShare();
+  // Of the pixels of some fitted views, those whose surface in the field stands before the splats.
+  double FieldBeforeShare() const;
 
   const io::Scene& scene_;
   const Dataset& dataset_;

@@ -201,7 +201,7 @@ TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
   SceneField scene_field = tests::SmallField();
   scene_field.splats = tests::SomeSplats(7);
   scene_field.splat_focal_px = 321;
-  scene_field.splat_share = 0.125f;
+  scene_field.splat_share = 0.125f, scene_field.splat_share_behind = 0.5f;
   TrainState state, read;
   state.field_s = 3;
   state.splats = {.moments = FirstMoments(scene_field.splats),
@@ -222,6 +222,7 @@ TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
     EXPECT_EQ(read_field->splats.colours, scene_field.splats.colours);
     EXPECT_EQ(read_field->splat_focal_px, 321);
     EXPECT_EQ(read_field->splat_share, 0.125f);
+    EXPECT_EQ(read_field->splat_share_behind, 0.5f);
     EXPECT_EQ(read.splats.error_ratio, 1.5);
     EXPECT_EQ(read.field_s, 3);
     EXPECT_EQ(read.splats.step, 12u);

@@ -113,7 +113,7 @@ TEST_F(SplatMixing, InACropBoxTheFieldsOpacityIsKept) {
 // The splats lie some units from the camera; the field has the same everywhere, nearer or farther.
 TEST_F(SplatMixing, WhatStandsBeforeTheSplatsGivesWayToThem) {
   scene_field_.splats = tests::SomeSplats(60);
-  scene_field_.SetSplatShare(0.3f, 1);
+  scene_field_.splat_share = 0.3f, scene_field_.splat_share_behind = 1;
   const std::vector<double> over = RenderPlainly(scene_field_.splats, view_, {0.25, 0.25, 0.25});
   const auto expect_share = [&](double share, float depth, int width, int height) {
     RenderedView field{.width = width, .height = height};
@@ -130,9 +130,9 @@ TEST_F(SplatMixing, WhatStandsBeforeTheSplatsGivesWayToThem) {
   expect_share(1, 0.1f, 24, 16);
   expect_share(0.3, 100, 24, 16);
   expect_share(0.3, std::numeric_limits<float>::infinity(), 24, 16);
-  scene_field_.SetSplatShare(0.3f, 3);  // half as believable
-  expect_share(0.65, 0.1f, 24, 16);
-  scene_field_.SetSplatShare(0.3f, 4);
+  scene_field_.splat_share_behind = 0.7f;
+  expect_share(0.7, 0.1f, 24, 16);
+  scene_field_.splat_share_behind = 0.2f;
   expect_share(0.3, 0.1f, 24, 16);
 }
 

@@ -180,6 +180,27 @@ TEST_F(SplatFits, MakeHeldOutPicturesBetter) {
   EXPECT_NE(render(true), render(false));
 }
 
+// Where a tenth of the pixels shows them farther away than the field, it is the splats that have holes.
+TEST_F(SplatFits, AreBelievedBehindTheFieldWhereItSeldomStandsBeforeThem) {
+  for (const bool has_holes : {false, true}) {
+    SplatFit fit = Fit(&workers_);
+    for (int i = 0; i < 20; ++i) fit.Step(i / 20.0);
+    scene_field_->splat_share = 0.5f;
+    // Those of the ball let the walls through.
+    for (std::size_t i = 0; has_holes && i < scene_field_->splats.size(); ++i) {
+      float* place = &scene_field_->splats.places[3 * i];
+      if (std::hypot(place[0], place[1], place[2]) < 1) scene_field_->splats.opacities[i] = -20;
+    }
+    const std::string text = fit.Finish();
+    if (has_holes) {
+      EXPECT_EQ(scene_field_->splat_share_behind, 0) << text;
+    } else {
+      EXPECT_GT(scene_field_->splat_share_behind, 0.6) << text;
+    }
+    state_ = {}, scene_field_ = ReadCheckpoint(*dir_ / "checkpoint.bin", &state_);
+  }
+}
+
 TEST_F(SplatFits, ThreadsAndInterruptionsDoNotMatter) {
   std::vector<Splats> results;
   for (const int threads : {1, 3}) {
@@ -220,6 +241,7 @@ TEST_F(SplatFits, ThatLearnThePicturesByHeartCountForNothing) {
   EXPECT_LT(scene_field_->splat_share, 0.1f);
   EXPECT_NE(fit.Finish().find("dropped"), std::string::npos);
   EXPECT_EQ(scene_field_->splats.size(), 0u);
+  EXPECT_EQ(scene_field_->splat_share_behind, 0);
 }
 
 // The error that decides the share is that of used pixels. Half of these have half of the splats, which begin

@@ -48,12 +48,11 @@ class Played {
     ExportPage(scene_, dir_ / "train/checkpoint.bin", "a </script> run", page());
   }
 
-  // In the page what stands before the splats does not give way to them (mixing.glsl): nor does it to splats
-  // whose error on unseen photos is this large.
+  // In the page what stands before the splats does not give way to them (mixing.glsl).
   static void KeepFloaters(const fs::path& checkpoint) {
     nerf::TrainState state;
     const auto scene_field = nerf::ReadCheckpoint(checkpoint, &state);
-    state.splats.error_ratio = 4;
+    scene_field->splat_share_behind = 0;
     nerf::WriteCheckpoint(checkpoint, scene_field.get(), state);
   }
 
