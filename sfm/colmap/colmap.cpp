@@ -26,6 +26,10 @@ constexpr double kHelpLimitS = 60;
 // COLMAP's threads reserve much more address space than they touch; this still stops a run-away reader.
 constexpr std::size_t kMaxMemoryBytes = std::size_t{16} << 30;
 constexpr int kLogLines = 8;
+// COLMAP writes to the database when it opens it, and gives up at once when another process does at that
+// moment.
+constexpr const char* kLocked = "database is locked";
+constexpr int kMostOpenings = 50;
 
 std::string Joined(const std::vector<std::string>& lines) {
   std::string text;
@@ -74,21 +78,28 @@ bool Colmap::Run(const Step& step) {
   // number of them.
   std::vector<std::string> argv = {"/usr/bin/env", "OMP_NUM_THREADS=1", program_.string(), step.command};
   argv.insert(argv.end(), step.arguments.begin(), step.arguments.end());
-  const io::ProcessReport report = io::RunProcess(argv,
-                                                  {.timeout_s = step.limit_s,
-                                                   .memory_bytes = memory_bytes_,
-                                                   .log_path = step.log,
-                                                   .working_dir = work_folder_,
-                                                   .on_tick = step.on_tick});
-  {
-    const std::lock_guard lock(mutex_);
-    cpu_s_ += report.cpu_s;
-    peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
+  io::ProcessReport report;
+  bool locked = true;
+  for (int i = 0; locked && i < kMostOpenings; ++i) {
+    std::error_code no_log;
+    const std::uintmax_t size = fs::file_size(step.log, no_log), begin = no_log ? 0 : size;
+    report = io::RunProcess(argv,
+                            {.timeout_s = step.limit_s,
+                             .memory_bytes = memory_bytes_,
+                             .log_path = step.log,
+                             .working_dir = work_folder_,
+                             .on_tick = step.on_tick});
+    {
+      const std::lock_guard lock(mutex_);
+      cpu_s_ += report.cpu_s;
+      peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
+    }
+    if (report.Ok()) return true;
+    locked = io::ReadFile(step.log).find(kLocked, begin) != std::string::npos;
   }
-  if (report.Ok()) return true;
   const std::string tail = io::LogTail(step.log, kLogLines);
   // Wrong options end with the same code as an empty result.
-  const bool nothing = report.timed_out || (report.signal == 0 && report.exit_code == 1 &&
+  const bool nothing = report.timed_out || (report.signal == 0 && report.exit_code == 1 && !locked &&
                                             tail.find("parse options") == std::string::npos);
   if (step.may_find_nothing && nothing) return false;
   const bool out_of_memory =

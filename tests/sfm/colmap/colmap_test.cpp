@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/image/image.h"
 #include "io/process/process.h"
@@ -78,6 +79,24 @@ TEST_F(ColmapDriver, NoModelIsAnAnswer) {
   Install("echo failed to create sparse model; exit 1");
   sfm::Colmap colmap = Make();
   EXPECT_TRUE(colmap.Map("", 5).empty());
+}
+
+// Of blocks that are mapped side by side one would be missing.
+TEST_F(ColmapDriver, ADatabaseThatAnotherProcessIsOpeningIsOpenedAgain) {
+  const fs::path tries = folder_ / "tries";
+  Install("echo x >> " + tries.string() + "; [ $(wc -l < " + tries.string() +
+          ") -gt 3 ] || { echo 'SQLite error [database.cc, line 1361]: database is locked'; exit 1; }\n" +
+          "mkdir " + (folder_ / "work/sparse/0").string());
+  sfm::Colmap colmap = Make();
+  EXPECT_EQ(colmap.Map("", 5).size(), 1u);
+  EXPECT_EQ(io::ReadFile(tries).size(), 8u);  // "x" and an end of line, four times
+}
+
+TEST_F(ColmapDriver, ADatabaseThatStaysLockedIsNoAnswer) {
+  Install("echo database is locked; exit 1");
+  sfm::Colmap colmap = Make();
+  EXPECT_NE(ErrorOf([&] { colmap.Map("", 5); }, io::ExitCode::kMissingTool).find("is locked"),
+            std::string::npos);
 }
 
 TEST_F(ColmapDriver, ModelsThatCannotBeMergedAreNoFailure) {
