@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 namespace nerf {
 namespace {
@@ -102,12 +103,12 @@ SplatPicture RenderSplats(const SceneField& scene_field,
   return Shrunk(render(large), large, camera);
 }
 
-std::vector<float> FieldBeforeSplats(const Splats& splats,
+std::vector<float> FieldBeforeSplats(Splats splats,
                                      const io::Camera& camera,
                                      const io::Rigid3d& world_from_cam,
                                      const std::vector<float>& median_depth,
                                      SplatRasteriser* rasteriser) {
-  const SplatPicture inverse = InverseDistances(splats, camera, world_from_cam, rasteriser);
+  const SplatPicture inverse = InverseDistances(std::move(splats), camera, world_from_cam, rasteriser);
   std::vector<float> before(median_depth.size(), 0.f);
   for (std::size_t i = 0; i < before.size(); ++i) {
     const float opacity = 1 - inverse.transmittance[i];

@@ -44,7 +44,7 @@ inline constexpr double kLeastZoom = 0.8;
 // How well the field's surface stands before the splats, at each pixel of a view of median_depth: 0 where it
 // is as far from the camera as they are, or hardly nearer, up to 1 from four fifths of their distance on. 0
 // as well where one of both is transparent.
-std::vector<float> FieldBeforeSplats(const Splats& splats,
+std::vector<float> FieldBeforeSplats(Splats splats,
                                      const io::Camera& camera,
                                      const io::Rigid3d& world_from_cam,
                                      const std::vector<float>& median_depth,
