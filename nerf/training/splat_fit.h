@@ -44,8 +44,8 @@ class SplatFit {
 
   // One picture. progress in [0, 1). Results are the same for any number of threads.
   void Step(double progress);
-  // Ends the fit: nothing is kept but the splats, and these only if they count for something. Returns what
-  // became of them.
+  // Ends the fit: nothing is kept but the splats, and these only if they count for something; and decides
+  // whether what hides them is a floater of the field. Returns what became of them.
   std::string Finish();
 
  private:
