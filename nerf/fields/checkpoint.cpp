@@ -71,6 +71,12 @@ std::vector<Entry> Entries(SceneField* scene_field, TrainState* state) {
   throw Error(ExitCode::kBadState, path.string() + ": " + why, "Delete it and train again");
 }
 
+const Json& Member(const std::filesystem::path& path, const Json& json, const char* key) {
+  const auto it = json.find(key);
+  if (it == json.end()) Reject(path, std::string("header lacks ") + key);
+  return *it;
+}
+
 template <typename T>
 T Get(const std::filesystem::path& path, const Json& json, const char* key, T low, T high) {
   const auto it = json.find(key);
@@ -138,9 +144,7 @@ FieldKind KindIn(const std::filesystem::path& path, const Json& header) {
 }
 
 std::unique_ptr<RadianceField> MakeField(const std::filesystem::path& path, const Json& header) {
-  const auto it = header.find("config");
-  if (it == header.end()) Reject(path, "header lacks config");
-  const Json& config = *it;
+  const Json& config = Member(path, header, "config");
   if (KindIn(path, header) == FieldKind::kHash) {
     return std::make_unique<HashField>(
         HashFieldOptions{.grid = {.n_levels = Get(path, config, "n_levels", 8, 8),
@@ -249,9 +253,10 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   if (file.size > kMaxFile)
     throw Error(ExitCode::kBadInput, path.string() + ": larger than " + std::to_string(kMaxFile) + " bytes");
   std::size_t at = 0;
-  Json header = ParseHeader(path, file.Start(kPrefix + kMaxHeader), &at);
+  const Json header = ParseHeader(path, file.Start(kPrefix + kMaxHeader), &at);
   file.in.seekg(static_cast<std::streamoff>(at));
-  const Json &m = header["map"], &s = header["sampling"], &t = header["state"];
+  const Json &m = Member(path, header, "map"), &s = Member(path, header, "sampling"),
+             &t = Member(path, header, "state");
   constexpr float kHuge = 1e30f;
   SceneContraction contraction;
   contraction.centre = {
@@ -289,13 +294,13 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
     scene_field->background = {
         Get(path, *it, "r", 0.f, 1.f), Get(path, *it, "g", 0.f, 1.f), Get(path, *it, "b", 0.f, 1.f)};
   }
-  ReadSplatState(path, header["splats"], file.size, scene_field.get(), &state->splats);
+  ReadSplatState(path, Member(path, header, "splats"), file.size, scene_field.get(), &state->splats);
   std::size_t index = 0;
   const std::vector<Entry> entries = Entries(scene_field.get(), state);
-  if (!header["tensors"].is_array() || header["tensors"].size() != entries.size())
-    Reject(path, "header lists other tensors");
+  const Json& tensors = Member(path, header, "tensors");
+  if (!tensors.is_array() || tensors.size() != entries.size()) Reject(path, "header lists other tensors");
   for (const Entry& entry : entries) {
-    const Json& listed = header["tensors"][index++];
+    const Json& listed = tensors[index++];
     if (TextIn(listed, "name") != entry.name ||
         Get(path, listed, "bytes", std::size_t{0}, kMaxFile) != entry.bytes)
       Reject(path, "tensor " + entry.name + " has another size");

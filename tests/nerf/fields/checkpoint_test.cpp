@@ -150,10 +150,15 @@ TEST(CheckpointHeader, WhatIsRefusedIsNamed) {
     WriteText(path, parts.With(header));
     EXPECT_NE(VerdictOn(path).find(words), std::string::npos) << place << ": " << VerdictOn(path);
   }
-  Json without = parts.header;
-  without.erase("config");
-  WriteText(path, parts.With(without));
-  EXPECT_NE(VerdictOn(path).find("lacks config"), std::string::npos) << VerdictOn(path);
+  for (const char* name : {"map", "sampling", "state", "config", "splats", "tensors"}) {
+    Json without = parts.header;
+    without.erase(name);
+    WriteText(path, parts.With(without));
+    EXPECT_NE(VerdictOn(path).find(std::string("lacks ") + name), std::string::npos)
+        << name << ": " << VerdictOn(path);
+  }
+  WriteText(path, parts.With(Json::object()));
+  EXPECT_NE(VerdictOn(path).find("header lacks"), std::string::npos) << VerdictOn(path);
   for (const char* text : {"{", "7"}) {
     WriteText(path, parts.WithText(text));
     EXPECT_NE(VerdictOn(path).find("header is not JSON"), std::string::npos) << VerdictOn(path);
