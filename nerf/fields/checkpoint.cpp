@@ -59,6 +59,7 @@ std::vector<Entry> Entries(SceneField* scene_field, TrainState* state) {
   add("occupancy_distance", std::span(scene_field->grid.distance()));
   if (!state->cameras.empty()) add("cameras", std::span(state->cameras));
   if (scene_field->splats.size() > 0) add_splats("splat_", &scene_field->splats);
+  if (!scene_field->splat_shares.empty()) add("splat_shares", std::span(scene_field->splat_shares.cells));
   if (SplatMoments& moments = state->splats.moments; !moments.empty()) {
     add("splat_sizes", std::span(moments.sizes));
     add_splats("splat_m_", &moments.m);
@@ -179,6 +180,8 @@ void ReadSplatState(const std::filesystem::path& path,
   scene_field->splat_share = Get(path, header, "share", 0.f, 1.f);
   scene_field->splat_share_behind =
       header.contains("share_behind") ? Get(path, header, "share_behind", 0.f, 1.f) : 0;
+  if (header.contains("by_place") && Get(path, header, "by_place", 0, 1) == 1)
+    scene_field->splat_shares.cells.resize(ShareMap::kCells);
   state->is_judged = Get(path, header, "judged", 0, 1) == 1;
   state->begin_s = Get(path, header, "begin_s", 0.0, 1e12);
   state->squared_error = Get(path, header, "squared_error", -1.0, 1e12);
@@ -227,6 +230,7 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                       {"focal_px", scene_field->splat_focal_px},
                       {"share", scene_field->splat_share},
                       {"share_behind", scene_field->splat_share_behind},
+                      {"by_place", scene_field->splat_shares.empty() ? 0 : 1},
                       {"unfinished", state.splats.moments.empty() ? 0 : 1},
                       {"step", state.splats.step},
                       {"judged", state.splats.is_judged ? 1 : 0},

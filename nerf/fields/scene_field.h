@@ -11,6 +11,7 @@
 #include "nerf/data/dataset.h"
 #include "nerf/fields/hash_field.h"
 #include "nerf/fields/mlp_field.h"
+#include "nerf/fields/share_map.h"
 #include "nerf/sampling/occupancy_grid.h"
 #include "nerf/sampling/sampler.h"
 #include "nerf/splatting/splats.h"
@@ -52,6 +53,7 @@ struct SceneField {
   Splats splats;
   float splat_focal_px = 1;  // of the pictures that they were fitted to
   float splat_share = 0.5f;  // in pictures; the field has the rest
+  ShareMap splat_shares;     // the same by place, where that is known
   // The same where they lie well behind the field's surface (rendering/splat_mixing.h); no more if smaller.
   float splat_share_behind = 0;
 };

@@ -63,19 +63,36 @@ std::vector<float> SplatShares(const SceneField& scene_field,
                                const std::optional<CropBox>& crop,
                                const RenderedView& view,
                                SplatRasteriser* rasteriser) {
-  const float share = scene_field.splat_share, behind = scene_field.splat_share_behind;
-  if (view.median_depth.empty() || behind <= share) return std::vector(view.rgb.size() / 3, share);
-  std::vector<float> shares =
+  const float behind = scene_field.splat_share_behind;
+  std::vector<float> shares(view.rgb.size() / 3, scene_field.splat_share);
+  if (view.median_depth.empty()) return shares;
+  const io::Camera seen_by = io::ResizedCamera(camera, view.width, view.height);
+  if (!scene_field.splat_shares.empty()) {
+    const RayCamera ray_camera(seen_by, world_from_cam, scene_field.field->pixel_offset());
+    for (std::size_t i = 0; i < shares.size(); ++i) {
+      const int at = static_cast<int>(i);
+      shares[i] = SplatShareAt(
+          scene_field, ray_camera.RayThrough(at % view.width, at / view.width), view.median_depth[i]);
+    }
+  }
+  if (behind <= *std::ranges::min_element(shares)) return shares;
+  const std::vector<float> before =
       FieldBeforeSplats(crop ? SplatsIn(scene_field.splats, *crop) : scene_field.splats,
-                        io::ResizedCamera(camera, view.width, view.height),
+                        seen_by,
                         world_from_cam,
                         view.median_depth,
                         rasteriser);
-  for (float& value : shares) value = share + (behind - share) * value;
+  for (std::size_t i = 0; i < shares.size(); ++i) shares[i] += std::max(0.f, behind - shares[i]) * before[i];
   return shares;
 }
 
 }  // namespace
+
+float SplatShareAt(const SceneField& scene_field, const Ray& ray, float median_depth) {
+  if (scene_field.splat_shares.empty()) return scene_field.splat_share;
+  const auto place = PlaceOfSurface(scene_field.contraction, ray, median_depth);
+  return place ? scene_field.splat_shares.At(*place) : scene_field.splat_share;
+}
 
 SplatView SplatViewOf(const SceneField& scene_field,
                       const io::Camera& camera,

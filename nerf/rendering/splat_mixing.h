@@ -2,7 +2,8 @@
 //
 // The field is smooth and complete; splats are sharp where photographs show them often, and let light pass
 // where they do not reach. What they let pass is filled by the field, and a mean of both pictures has less
-// error than either: their faults differ. Of the fine structure, the splats alone tell as much as this mean
+// error than either: their faults differ, and where each is the better one was measured in the training views
+// (fields/share_map.h). Of the fine structure, the splats alone tell as much as this mean
 // (EXPERIMENTS.md, Rendering), so that the field's picture may be small. Where the field's surface stands
 // well before the splats, it is mostly a floater that no photograph saw from there: such pixels are the
 // splats'.
@@ -24,6 +25,9 @@ namespace nerf {
 inline float MixedValue(float field, float over, float share) {
   return std::clamp(field + share * (over - field), 0.f, 1.f);
 }
+
+// The splats' share of a pixel whose ray meets the field's surface at this distance.
+float SplatShareAt(const SceneField& scene_field, const Ray& ray, float median_depth);
 
 // A camera's view of splats that look through the pixels of pictures with a focal length of splat_focal_px: a
 // longer one magnifies these.

@@ -47,6 +47,7 @@ HeldoutMonitor::HeldoutMonitor(const io::Scene& heldout, int threads, double pix
 
 // Splats have no single rays: every view that a pixel was drawn from is rendered whole.
 void HeldoutMonitor::MixSplatsIn(const SceneField& scene_field,
+                                 const std::vector<RenderedRay>& rendered,
                                  io::Workers* workers,
                                  std::vector<float>* rgb) const {
   SplatRasteriser rasteriser(workers);
@@ -57,10 +58,12 @@ void HeldoutMonitor::MixSplatsIn(const SceneField& scene_field,
     for (std::size_t i = 0; i < pixels_.size(); ++i) {
       if (pixels_[i].camera != &views_[v].camera) continue;
       const auto at = static_cast<std::size_t>(pixels_[i].y * camera.width + pixels_[i].x);
+      const Ray ray = pixels_[i].camera->RayThrough(pixels_[i].x, pixels_[i].y);
+      const float share = SplatShareAt(scene_field, ray, rendered[i].median_depth);
       for (std::size_t c = 0; c < 3; ++c) {
         float* field = &(*rgb)[3 * i + c];
         const float over = splats.rgb[3 * at + c] + splats.transmittance[at] * *field;
-        *field = MixedValue(*field, over, scene_field.splat_share);
+        *field = MixedValue(*field, over, share);
       }
     }
   }
@@ -76,7 +79,7 @@ double HeldoutMonitor::Psnr(const SceneField& scene_field, io::Workers* workers)
     for (std::size_t j = 0; j < 3; ++j)
       rgb.push_back(std::clamp(ray.rgb[j] + ray.transmittance * background[j], 0.f, 1.f));
   }
-  if (scene_field.splats.size() > 0) MixSplatsIn(scene_field, workers, &rgb);
+  if (scene_field.splats.size() > 0) MixSplatsIn(scene_field, rendered, workers, &rgb);
   double sum = 0;
   for (std::size_t i = 0; i < rgb.size(); ++i) {
     const double error = rgb[i] - target_[i];

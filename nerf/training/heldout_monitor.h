@@ -20,7 +20,10 @@ class HeldoutMonitor {
   double Psnr(const SceneField& scene_field, io::Workers* workers) const;
 
  private:
-  void MixSplatsIn(const SceneField& scene_field, io::Workers* workers, std::vector<float>* rgb) const;
+  void MixSplatsIn(const SceneField& scene_field,
+                   const std::vector<RenderedRay>& rendered,
+                   io::Workers* workers,
+                   std::vector<float>* rgb) const;
 
   const io::Scene& heldout_;
   std::vector<View> views_;

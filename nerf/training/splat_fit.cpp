@@ -7,10 +7,8 @@
 #include <utility>
 
 #include "io/base/median.h"
-#include "nerf/rendering/ray_renderer.h"
-#include "nerf/rendering/splat_mixing.h"
-#include "nerf/rendering/support_map.h"
 #include "nerf/training/field_surface.h"
+#include "nerf/training/splat_shares.h"
 
 namespace nerf {
 namespace {
@@ -18,8 +16,6 @@ namespace {
 constexpr std::size_t kMaxSplats = 200000;
 // Used pixels of all pictures per splat, at least.
 constexpr std::size_t kPixelsPerSplat = 4;
-// Longer side of the pictures that splats are fitted to, in pixels.
-constexpr int kFitSide = 512;
 // When the pictures that were set aside are looked at, as a share of the fit.
 constexpr double kJudgedAt = 0.5;
 constexpr double kLeastError = 1e-6;  // 60 dB: below, 8 bits tell nothing
@@ -35,12 +31,6 @@ constexpr double kLeastShare = 0.1;
 // field in seven captures; 2 to 5 % on a street whose houses two photos show, where it is the splats that
 // have holes.
 constexpr double kMostFloaters = 0.008, kLeastHoles = 0.016;
-constexpr std::size_t kViewsLookedAt = 8;
-
-// Whether the splats are to show a pixel: it is used, and no sky.
-bool IsShown(const SplatTarget& target, std::size_t pixel) {
-  return (target.used.empty() || target.used[pixel]) && target.rgba[4 * pixel + 3] > 0;
-}
 
 // Of the picture's pixels.
 double ShownShare(const SplatTarget& target) {
@@ -69,10 +59,8 @@ SplatFit::SplatFit(const io::Scene& scene,
                    SceneField* scene_field,
                    TrainState* state,
                    io::Workers* workers)
-    : scene_(scene),
-      dataset_(dataset),
-      world_from_cam_(std::move(world_from_cam)),
-      used_(dataset.UsedPixels()),
+    : dataset_(dataset),
+      photos_(scene, dataset, std::move(world_from_cam), *scene_field),
       scene_field_(scene_field),
       state_(state),
       workers_(workers) {
@@ -87,51 +75,17 @@ SplatFit::SplatFit(const io::Scene& scene,
 
 void SplatFit::Begin() {
   const std::size_t number = Number(dataset_.n_used());
+  scene_field_->splat_shares = {};
   scene_field_->splats = SplatsOn(FieldSurface(*scene_field_, dataset_, number, state_->seed, workers_));
-  std::vector<double> focal_lengths;
-  for (const io::Frame& frame : scene_.frames)
-    focal_lengths.push_back(
-        SmallCamera(scene_.cameras[static_cast<std::size_t>(frame.camera_index)], kFitSide).fl_x);
-  scene_field_->splat_focal_px = static_cast<float>(io::Median(std::move(focal_lengths)));
+  scene_field_->splat_focal_px = static_cast<float>(photos_.FocalLength());
   state_->splats.moments = FirstMoments(scene_field_->splats);
-}
-
-SplatTarget SplatFit::Target(std::size_t index) const {
-  const View& view = dataset_.views[index];
-  // The sky is left to the field behind the splats.
-  io::Image photo{.width = view.width, .height = view.height, .channels = 4};
-  photo.data.reserve(4 * view.n_pixels());
-  for (std::size_t i = view.first_pixel; i < view.first_pixel + view.n_pixels(); ++i) {
-    photo.data.insert(photo.data.end(), &dataset_.pixels[3 * i], &dataset_.pixels[3 * i] + 3);
-    photo.data.push_back(dataset_.ShowsSky(i) ? 0 : 255);
-  }
-  io::Mask mask{.width = view.width, .height = view.height, .used = {}};
-  for (std::size_t i = 0; i < view.n_pixels() && !used_.empty(); ++i)
-    mask.used.push_back(used_[view.first_pixel + i] ? 255 : 0);
-
-  const io::Frame& frame = scene_.frames[index];
-  const io::Camera camera =
-      SmallCamera(scene_.cameras[static_cast<std::size_t>(frame.camera_index)], kFitSide);
-  if (camera.width != photo.width || camera.height != photo.height) {
-    photo = io::ResizeArea(photo, camera.width, camera.height);
-    if (!mask.used.empty()) mask = io::ShrinkMask(mask, camera.width, camera.height);
-  }
-  SplatTarget target{SplatViewOf(*scene_field_, camera, world_from_cam_[index]), {}, {}};
-  for (std::size_t i = 0; i < photo.data.size() / 4; ++i) {
-    const int alpha = photo.data[4 * i + 3];
-    for (std::size_t c = 0; c < 3; ++c)
-      target.rgba.push_back(static_cast<std::uint8_t>((photo.data[4 * i + c] * alpha + 127) / 255));
-    target.rgba.push_back(photo.data[4 * i + 3]);
-    if (!mask.used.empty()) target.used.push_back(mask.Uses(i));
-  }
-  return target;
 }
 
 void SplatFit::Step(double progress) {
   if (!state_->splats.is_judged && progress >= kJudgedAt) Judge();
   SplatState& splats = state_->splats;
   const std::size_t view = fitted_[SplatTurn(fitted_.size(), state_->seed, splats.step)];
-  const SplatTarget target = Target(view);
+  const SplatTarget target = photos_.Target(view);
   const double mse = adam_->Step(target, SplatBackground(state_->seed, splats.step), splats.step, progress) /
                      ShownShare(target);
   splats.squared_error =
@@ -150,35 +104,11 @@ void SplatFit::ChooseShare() {
   scene_field_->splat_share = static_cast<float>(std::min(kMostShare, field / (field + splats)));
 }
 
-double SplatFit::FieldBeforeShare() const {
-  SplatRasteriser rasteriser(workers_);
-  double sum = 0, n = 0;
-  for (std::size_t i = 0; i < fitted_.size(); i += 1 + (fitted_.size() - 1) / kViewsLookedAt) {
-    const io::Frame& frame = scene_.frames[fitted_[i]];
-    const io::Camera camera =
-        SmallCamera(scene_.cameras[static_cast<std::size_t>(frame.camera_index)], kFitSide / 2);
-    const io::Rigid3d& world_from_cam = world_from_cam_[fitted_[i]];
-    const RayCamera ray_camera(camera, world_from_cam, scene_field_->field->pixel_offset());
-    std::vector<CameraPixel> pixels;
-    for (int y = 0; y < camera.height; ++y) {
-      for (int x = 0; x < camera.width; ++x) pixels.push_back({&ray_camera, x, y});
-    }
-    std::vector<float> median_depth;
-    for (const RenderedRay& ray :
-         RenderPixels(*scene_field_, pixels, 1, scene_field_->step_scale, workers_, {}, RayValues::kDepths))
-      median_depth.push_back(ray.median_depth);
-    for (const float value :
-         FieldBeforeSplats(scene_field_->splats, camera, world_from_cam, median_depth, &rasteriser))
-      sum += value;
-    n += static_cast<double>(median_depth.size());
-  }
-  return sum / n;
-}
-
 std::string SplatFit::Finish() {
   SplatState& state = state_->splats;
   RequireFinite(scene_field_->splats);
-  const double share = scene_field_->splat_share, before = FieldBeforeShare();
+  const double share = scene_field_->splat_share,
+               before = FieldBeforeShare(*scene_field_, photos_, fitted_, workers_);
   scene_field_->splat_share_behind =
       static_cast<float>(std::clamp((kLeastHoles - before) / (kLeastHoles - kMostFloaters), 0.0, 1.0));
   state.moments = {};
@@ -194,7 +124,10 @@ std::string SplatFit::Finish() {
     text += fmt::format("; {:.1f} times the squared error on {} pictures that were set aside",
                         state.error_ratio,
                         aside_.size());
-  if (share >= kLeastShare) return text;
+  if (share >= kLeastShare) {
+    scene_field_->splat_shares = SharesByPlace(*scene_field_, photos_, fitted_, workers_);
+    return text;
+  }
   scene_field_->splats = {};
   scene_field_->splat_share_behind = 0;
   return text + "; dropped, for so little is not worth its time";
@@ -202,7 +135,7 @@ std::string SplatFit::Finish() {
 
 // Over the pixels of a view that splats are to show, before black.
 double SplatFit::SquaredError(std::size_t index) {
-  const SplatTarget target = Target(index);
+  const SplatTarget target = photos_.Target(index);
   const SplatPicture picture = SplatRasteriser(workers_).Render(scene_field_->splats, target.view);
   double sum = 0;
   std::size_t n = 0;

@@ -12,6 +12,7 @@
 
 #include "nerf/fields/checkpoint.h"
 #include "nerf/splatting/splat_optimizer.h"
+#include "nerf/training/splat_photos.h"
 
 namespace nerf {
 
@@ -50,17 +51,12 @@ class SplatFit {
 
  private:
   void Begin();
-  SplatTarget Target(std::size_t view) const;
   double SquaredError(std::size_t view);
   void Judge();
   void ChooseShare();
-  // Of the pixels of some fitted views, those whose surface in the field stands before the splats.
-  double FieldBeforeShare() const;
 
-  const io::Scene& scene_;
   const Dataset& dataset_;
-  const std::vector<io::Rigid3d> world_from_cam_;
-  const std::vector<bool> used_;  // of all pixels; empty: all
+  const SplatPhotos photos_;
   SceneField* const scene_field_;
   TrainState* const state_;
   io::Workers* const workers_;

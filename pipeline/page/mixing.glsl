@@ -1,5 +1,5 @@
-// The picture of field and splats in one: nerf/rendering/splat_mixing.h, but for floaters of the field, which keep their
-// share here. The field's veil lies over both.
+// The picture of field and splats in one: nerf/rendering/splat_mixing.h, but the splats have the same share everywhere,
+// behind floaters of the field as well. The field's veil lies over both.
 precision highp float;
 
 uniform sampler2D field, splats;

@@ -217,7 +217,11 @@ TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
                   .squared_error = 0.25};
   state.splats.moments.m.colours[5] = 0.5f, state.splats.moments.v.rotations[27] = 0.75f;
   for (const bool is_finished : {false, true}) {
-    if (is_finished) state.splats.moments = {};
+    if (is_finished) {
+      state.splats.moments = {};
+      scene_field.splat_shares.cells.assign(ShareMap::kCells, 7);
+      scene_field.splat_shares.cells[12345] = 8;
+    }
     WriteCheckpoint(path, &scene_field, state);
     const auto read_field = ReadCheckpoint(path, &read);
     EXPECT_EQ(read_field->splats.places, scene_field.splats.places);
@@ -228,6 +232,7 @@ TEST(Checkpoint, HoldsSplatsAndWhatFittingThemKeeps) {
     EXPECT_EQ(read_field->splat_focal_px, 321);
     EXPECT_EQ(read_field->splat_share, 0.125f);
     EXPECT_EQ(read_field->splat_share_behind, 0.5f);
+    EXPECT_EQ(read_field->splat_shares.cells, scene_field.splat_shares.cells);
     EXPECT_EQ(read.splats.error_ratio, 1.5);
     EXPECT_EQ(read.field_s, 3);
     EXPECT_EQ(read.splats.step, 12u);

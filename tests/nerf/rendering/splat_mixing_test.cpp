@@ -136,6 +136,46 @@ TEST_F(SplatMixing, WhatStandsBeforeTheSplatsGivesWayToThem) {
   expect_share(0.3, 0.1f, 24, 16);
 }
 
+// The left half of the scene, as the camera sees it, is the splats', the right one the field's.
+TEST_F(SplatMixing, SharesAreThoseOfTheSurfacesPlace) {
+  scene_field_.splats = tests::SomeSplats(60);
+  scene_field_.splat_share = 0.3f;
+  scene_field_.splat_shares.cells.assign(ShareMap::kCells, 0);
+  const RayCamera camera(view_.camera, view_.world_from_cam);
+  constexpr float kDepth = 1, kNothing = std::numeric_limits<float>::infinity();
+  for (int x = 0; x < 12; ++x) {
+    for (int y = 0; y < 16; ++y) {
+      const auto place = PlaceOfSurface(scene_field_.contraction, camera.RayThrough(x, y), kDepth);
+      // And the cells around it, which the shares between their middles depend on.
+      for (int beside = 0; beside < 27; ++beside) {
+        UnitPlace cell = *place;
+        for (std::size_t axis = 0, left = static_cast<std::size_t>(beside); axis < 3; ++axis, left /= 3)
+          cell[axis] += (static_cast<float>(left % 3) - 1) / ShareMap::kResolution;
+        scene_field_.splat_shares.cells[ShareMap::CellAt(cell)] = 255;
+      }
+    }
+  }
+  const auto mixed_at = [&](float depth) {
+    RenderedView field{.width = 24, .height = 16};
+    field.rgb.assign(3 * 24 * 16, 0.25f), field.opacity.assign(24 * 16, 1);
+    field.median_depth.assign(24 * 16, depth);
+    MixSplats(scene_field_, view_.camera, view_.world_from_cam, {}, &workers_, &field);
+    return field.rgb;
+  };
+  const std::vector<float> by_place = mixed_at(kDepth), nowhere = mixed_at(kNothing);
+  scene_field_.splat_shares = {};
+  EXPECT_EQ(nowhere, mixed_at(kDepth));
+  EXPECT_EQ(nowhere, Mixed());
+  scene_field_.splat_share = 1;
+  const std::vector<float> splats = Mixed();
+  EXPECT_NE(splats, nowhere);
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const std::size_t x = i / 3 % 24;
+    if (x == 12 || x == 13) continue;  // between the middles of cells of both halves
+    EXPECT_NEAR(by_place[i], x < 12 ? splats[i] : 0.25f, 1e-5) << i;
+  }
+}
+
 TEST_F(SplatMixing, WithoutSplatsItIsTheField) {
   for (const float value : Mixed()) EXPECT_EQ(value, 0.25f);
 }

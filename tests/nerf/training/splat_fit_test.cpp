@@ -16,6 +16,7 @@
 #include "nerf/rendering/trained_field.h"
 #include "nerf/training/field_surface.h"
 #include "nerf/training/heldout_monitor.h"
+#include "nerf/training/splat_shares.h"
 #include "nerf/training/trainer.h"
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/scenes/ball_scene.h"
@@ -163,6 +164,7 @@ TEST_F(SplatFits, MakeHeldOutPicturesBetter) {
   const std::string text = fit.Finish();
   EXPECT_NE(text.find("4 pictures that were set aside"), std::string::npos) << text;
   EXPECT_GT(scene_field_->splats.size(), 0u);
+  EXPECT_FALSE(scene_field_->splat_shares.empty());
   EXPECT_TRUE(state_.splats.moments.empty());
   EXPECT_GT(monitor.Psnr(*scene_field_, &workers_), before + 0.5);
   EXPECT_GT(scene_field_->splat_share, 0.2f);
@@ -199,6 +201,38 @@ TEST_F(SplatFits, AreBelievedBehindTheFieldWhereItSeldomStandsBeforeThem) {
     }
     state_ = {}, scene_field_ = ReadCheckpoint(*dir_ / "checkpoint.bin", &state_);
   }
+}
+
+// Splats of one half of the room are too bright.
+TEST_F(SplatFits, CountForMoreWhereTheyAreBetter) {
+  SplatFit fit = Fit(&workers_);
+  for (int i = 0; i < 100; ++i) fit.Step(i / 100.0);
+  scene_field_->splat_share = 0.5f;
+  const Splats good = scene_field_->splats;
+  const SplatPhotos photos(scene_, dataset_, PosesOf(scene_), *scene_field_);
+  // Often enough for all of their pixels.
+  std::vector<std::size_t> views;
+  for (std::size_t i = 0; i < 63; ++i) views.push_back(i % 7);
+  const auto is_bright = [&](std::size_t i) { return good.places[3 * i] > 0.3f; };
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    if (!is_bright(i)) continue;
+    for (std::size_t c = 0; c < 3; ++c)
+      scene_field_->splats.colours[3 * kHarmonics * i + c] += static_cast<float>(0.2 / kHarmonic0);
+  }
+  const ShareMap shares = SharesByPlace(*scene_field_, photos, views, &workers_);
+  ASSERT_EQ(shares.cells.size(), ShareMap::kCells);
+  io::Scene seen = scene_;
+  seen.frames.resize(7);
+  const HeldoutMonitor monitor(seen, 2, 0.5);
+  const double alike = monitor.Psnr(*scene_field_, &workers_);
+  scene_field_->splat_shares = shares;
+  EXPECT_GT(monitor.Psnr(*scene_field_, &workers_), alike + 0.3) << alike;
+
+  io::Workers three(3);
+  EXPECT_EQ(SharesByPlace(*scene_field_, photos, views, &three).cells, shares.cells);
+
+  std::ranges::fill(scene_field_->splats.opacities, -20.f);
+  EXPECT_TRUE(SharesByPlace(*scene_field_, photos, views, &workers_).empty()) << "the field is all there is";
 }
 
 TEST_F(SplatFits, ThreadsAndInterruptionsDoNotMatter) {

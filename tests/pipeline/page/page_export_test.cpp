@@ -44,15 +44,16 @@ class Played {
     options.field.grid_resolution = 64;
     fs::create_directories(dir_ / "train");
     nerf::Train(scene_, {}, options, dir_ / "train");
-    KeepFloaters(dir_ / "train/checkpoint.bin");
+    KeepOneShare(dir_ / "train/checkpoint.bin");
     ExportPage(scene_, dir_ / "train/checkpoint.bin", "a </script> run", page());
   }
 
-  // In the page what stands before the splats does not give way to them (mixing.glsl).
-  static void KeepFloaters(const fs::path& checkpoint) {
+  // In the page splats have the same share everywhere (mixing.glsl).
+  static void KeepOneShare(const fs::path& checkpoint) {
     nerf::TrainState state;
     const auto scene_field = nerf::ReadCheckpoint(checkpoint, &state);
     scene_field->splat_share_behind = 0;
+    scene_field->splat_shares = {};
     nerf::WriteCheckpoint(checkpoint, scene_field.get(), state);
   }
 
