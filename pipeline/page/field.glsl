@@ -23,18 +23,23 @@ layout(std140) uniform Colour { mat4 w4[16 * 16]; };
 
 uniform sampler2D table;     // an entry per texel, row by row
 uniform usampler3D march;    // per occupancy cell, see field_payload.h
+uniform sampler3D shares;    // ShareMap, z fastest; a single texel where there is no map
+uniform sampler2D splats, nearness;  // of the same view, see splat_fragment.glsl
+uniform vec2 size;           // of the picture [px]
 uniform sampler3D trained;   // per trained cell 1, near one 0.5, else 0; between cells' middles what lies between
 uniform vec3 origin;
 uniform mat3 rotation;    // world from camera
 uniform vec4 intrinsics;  // 1 / focal lengths, centre [px]
-uniform float height;     // of the picture [px]
 uniform float step_scale, least_transmittance, least_weight;
 uniform int rays_per_side;  // of a pixel
-out vec4 colour;           // and 1 - how far the pixel is veiled
+out vec4 colour;           // and the share of the splats in the picture
 
 const float kMaxLogDensity = 15.0, kMinWeight = 1e-3;
 // Share of a pixel's light from where no training sample was, at which the veil begins and is complete.
 const float kVeilBegins = 0.5, kVeilComplete = 0.9;
+// FieldBeforeSplats in nerf/rendering/splat_mixing.h: the field's distance over that of the splats.
+const float kNearlyAsFar = 0.9, kWellBefore = 0.8, kTransparent = 1e-3;
+const float kNowhere = 1e30;  // distance of a surface that a ray does not meet
 const int kMaxSamples = 4096, kMaxSteps = 65536;  // no graphics card is to hang on us
 
 // ---- networks
@@ -153,6 +158,12 @@ float CellLength(Path path, float t, float m, float delta) {
   return length / (outwards && m > 1.25 ? sqrt((8.0 * m - 12.0) * m + 5.0) / (m * m) : sqrt(1.024));
 }
 
+vec3 UnitPlace(vec3 p) {
+  float m = Reach(p);
+  return clamp(!UNBOUNDED ? p : 0.5 + 0.25 * p * (m <= 1.0 ? 1.0 : (2.0 - 1.0 / m) / m), 0.0, 1.0);
+}
+vec3 PlaceAtInfinity(vec3 direction) { return clamp(0.5 * direction / Reach(direction) + 0.5, 0.0, 1.0); }
+
 // Advances to the next interval whose middle lies in an occupied cell, and behind it; false at the end.
 bool NextSample(inout Path path, out vec3 u, out float delta) {
   for (int i = 0; i < kMaxSteps && path.t < path.t_last; ++i) {
@@ -160,7 +171,7 @@ bool NextSample(inout Path path, out vec3 u, out float delta) {
     float middle = path.t + 0.5 * delta;
     vec3 p = path.start + middle * path.slope;
     float m = Reach(p);
-    u = clamp(!UNBOUNDED ? p : 0.5 + 0.25 * p * (m <= 1.0 ? 1.0 : (2.0 - 1.0 / m) / m), 0.0, 1.0);
+    u = UnitPlace(p);
     uint distance = texelFetch(march, min(ivec3(u * float(GRID)), GRID - 1), 0).r;
     path.t += distance > 1u ? max(delta, float(distance - 1u) * CellLength(path, middle, m, delta)) : delta;
     if (distance == 0u) return true;
@@ -172,8 +183,9 @@ bool NextSample(inout Path path, out vec3 u, out float delta) {
 
 // Samples share a colour, that of their mean hidden layer, until they weigh least_weight together: what follows
 // the hidden layer costs three times as much as what leads to it. stagger: share of the first interval that is
-// skipped. Last comes the share of the light from where no training sample was.
-vec4 RayColour(vec3 direction, float stagger) {
+// skipped. Last comes the share of the light from where no training sample was. surface: the distance at which half of
+// the light is absorbed.
+vec4 RayColour(vec3 direction, float stagger, out float surface) {
   Path path = StartPath(direction);
   path.t += stagger * Delta(path.t);
   vec3 rgb = vec3(0), u;
@@ -181,16 +193,20 @@ vec4 RayColour(vec3 direction, float stagger) {
   for (int j = 0; j < 16; ++j) mean[j] = vec4(0);
   float optical_depth = 0.0, transmittance = 1.0, gathered = 0.0, coloured = 0.0, unseen = 0.0, delta;
   bool inside = true;
+  surface = kNowhere;
   for (int i = 0; i < kMaxSamples && inside && transmittance >= least_transmittance; ++i) {
     inside = NextSample(path, u, delta);
     float weight = 0.0;
     if (!inside) {  // an opaque sample at infinity may follow
       if (!ENDS_AT_INFINITY && gathered < kMinWeight) break;
-      u = clamp(0.5 * direction / Reach(direction) + 0.5, 0.0, 1.0);
+      u = PlaceAtInfinity(direction);
     }
     float tau = QueryDensity(u, hidden) * delta;
     if (inside) {
       weight = transmittance * (tau < 1e-3 ? tau - 0.5 * tau * tau : 1.0 - exp(-tau));
+      float half_absorbed = log(2.0) - optical_depth;
+      if (surface == kNowhere && tau > 0.0 && half_absorbed <= tau)
+        surface = path.t - delta + delta * half_absorbed / tau;
       optical_depth += tau;
       transmittance = exp(-optical_depth);
     } else if (ENDS_AT_INFINITY) {
@@ -212,17 +228,34 @@ vec4 RayColour(vec3 direction, float stagger) {
   return vec4(rgb + transmittance * BACKGROUND, unseen);
 }
 
+// Of the splats in the picture, on a ray that meets the field's surface at that distance.
+float SplatShare(vec3 direction, float surface) {
+  bool met = surface < kNowhere;
+  float to_unit = UNBOUNDED ? 1.0 / HALF : 0.5 / HALF;
+  vec3 place = met ? UnitPlace((origin - CENTRE + surface * direction) * to_unit + (UNBOUNDED ? 0.0 : 0.5))
+                   : PlaceAtInfinity(direction);
+  float share = met || UNBOUNDED ? texture(shares, place.zyx).r : SHARE;
+  vec2 at = gl_FragCoord.xy / size;
+  float opacity = texture(splats, at).a, ratio = surface * texture(nearness, at).r / max(opacity, kTransparent);
+  float before = clamp((kNearlyAsFar - ratio) / (kNearlyAsFar - kWellBefore), 0.0, 1.0);
+  if (!met || opacity < kTransparent) before = 0.0;
+  return share + max(0.0, SHARE_BEHIND - share) * before;
+}
+
 void main() {
   float side = 1.0 / float(rays_per_side);
   int n_rays = rays_per_side * rays_per_side;
   vec4 sum = vec4(0);
+  float share = 0.0, surface;
   for (int i = 0; i < n_rays; ++i) {
     vec2 cell = (vec2(i % rays_per_side, i / rays_per_side) + 0.5) * side - 0.5;
-    vec2 pixel = vec2(gl_FragCoord.x, height - gl_FragCoord.y) + cell;
+    vec2 pixel = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y) + cell;
     vec2 image = (pixel - intrinsics.zw) * intrinsics.xy;
-    sum += RayColour(rotation * normalize(vec3(image.x, -image.y, -1)), float(i) / float(n_rays));
+    vec3 direction = rotation * normalize(vec3(image.x, -image.y, -1));
+    sum += RayColour(direction, float(i) / float(n_rays), surface);
+    if (HAS_SPLATS) share += SplatShare(direction, surface);
   }
   vec4 mean = clamp(sum / float(n_rays), 0.0, 1.0);
   float veil = smoothstep(kVeilBegins, kVeilComplete, mean.a);
-  colour = vec4(mix(mean.rgb, UNSEEN, veil), 1.0 - veil);
+  colour = vec4(mix(mean.rgb, UNSEEN, veil), (1.0 - veil) * share / float(n_rays));
 }

@@ -126,9 +126,16 @@ Json SpaceJson(const nerf::SceneField& scene_field, bool has_alpha) {
           {"unseen", kUnseenTone}};
 }
 
+std::vector<std::uint8_t> ShareTexels(const nerf::SceneField& scene_field) {
+  if (!scene_field.splat_shares.empty()) return scene_field.splat_shares.cells;
+  return {static_cast<std::uint8_t>(std::lround(255 * scene_field.splat_share))};
+}
+
 // Constants of the shader, and how splats and field are mixed.
 Json SplatsJson(const nerf::SceneField& scene_field, const SplatPayload& payload) {
   return {{"share", scene_field.splat_share},
+          {"share_behind", scene_field.splat_share_behind},
+          {"shares_resolution", scene_field.splat_shares.empty() ? 1 : nerf::ShareMap::kResolution},
           {"focal_px", scene_field.splat_focal_px},
           {"low_pass", nerf::kLowPass},
           {"slope_margin", nerf::kSlopeMargin},
@@ -186,6 +193,7 @@ FieldPayload MakeFieldPayload(nerf::SceneField* scene_field, bool has_alpha) {
     const SplatPayload splats = MakeSplatPayload(scene_field->splats);
     json["splats"] = SplatsJson(*scene_field, splats);
     AppendPart("splats", splats.words, &json, &payload.bytes);
+    AppendPart("shares", ShareTexels(*scene_field), &json, &payload.bytes);
   }
   AppendPart("table", texels, &json, &payload.bytes);
   AppendPart("march", MarchCells(scene_field->grid), &json, &payload.bytes);

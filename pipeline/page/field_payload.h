@@ -2,6 +2,7 @@
 //
 //   weights   float32, three blocks of 4 x 4 matrices by columns, in the order of the shader's uniform blocks
 //   splats    where there are any, see splat_payload.h
+//   shares    with them, the cells of ShareMap; or one for all
 //   table     RGBA8, an entry of the hash grid per texel: a feature is stored as the signed root of its share
 //             of the level's largest, so that small ones keep their digits
 //   march     a byte per occupancy cell: 0: occupied; d > 0: a ray may advance d - 1 cells, as in

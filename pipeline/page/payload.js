@@ -20,9 +20,9 @@ async function loadField() {
   const description = JSON.parse(byId('field').textContent);
   const bytes = await unpack(byId('field-bytes').textContent.trim());
   const part = ([at, size]) => bytes.subarray(at, at + size);
-  const { weights, table, march, trained, splats } = description.parts;
+  const { weights, table, march, trained, splats, shares } = description.parts;
   const texels = splats && new Uint32Array(bytes.buffer, splats[0], splats[1] / 4);
   return { splats: splats ? { description: description.splats, texels } : null,
     description, weights: new Float32Array(bytes.buffer, weights[0], weights[1] / 4), table: part(table),
-    march: part(march), trained: part(trained) };
+    march: part(march), trained: part(trained), shares: shares && part(shares) };
 }

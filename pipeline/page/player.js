@@ -97,7 +97,7 @@ async function snapshot(camera, quality = 2) {
   gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
   for (let y = 0; y < height; ++y)
     image.data.set(pixels.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
-  for (let i = 3; i < image.data.length; i += 4) image.data[i] = 255;  // the field's veil is there
+  for (let i = 3; i < image.data.length; i += 4) image.data[i] = 255;  // the splats' share is there
   const canvas = Object.assign(document.createElement('canvas'), { width, height });
   canvas.getContext('2d').putImageData(image, 0, 0);
   refreshing = interrupted = false;

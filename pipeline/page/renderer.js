@@ -11,19 +11,26 @@ const kQualities = [
 ];
 const kTileMs = 60, kLeastTile = 32;  // [ms], [px]; smaller tiles are mostly overhead
 const kPresentMs = 100;
+// Texture units. The first three and the one after them, for any work, are given by number.
+const kSplatUnit = 4, kMixedFieldUnit = 5, kMixedSplatsUnit = 6, kSharesUnit = 7, kNearnessUnit = 8;
 const kTableWidth = 2048;  // every WebGL 2 has textures of that size
 
 const gl = picture.getContext('webgl2', { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
 
+// Without, 8 bits per blended splat leave some noise, and distances are too coarse to compare.
+const blendsHalfFloats = Boolean(gl.getExtension('EXT_color_buffer_float') ||
+  gl.getExtension('EXT_color_buffer_half_float'));
+
 const real = (value) => { const text = String(value); return /[.e]/.test(text) ? text : text + '.0'; };
 
-function fieldConstants({ space, grid_resolution, trained_resolution, kept_levels }) {
+function fieldConstants({ space, grid_resolution, trained_resolution, kept_levels, splats }) {
   return { TABLE_WIDTH: kTableWidth, TABLE_SHIFT: Math.log2(kTableWidth), TRAINED: trained_resolution,
     KEPT_LEVELS: kept_levels, GRID: grid_resolution, NEAR: real(space.near), FAR: real(space.far),
     CENTRE: `vec3(${space.centre.map(real)})`, HALF: real(space.half), UNBOUNDED: space.unbounded,
     ENDS_AT_INFINITY: space.ends_at_infinity, STEP_SIZE: real(space.step_size), CONE_ANGLE: real(space.cone_angle),
     BACKGROUND: `vec3(${space.background.map(real)})`, HAS_UNKNOWN_SPACE: space.has_unknown_space,
-    UNSEEN: `vec3(${space.unseen.map(real)})` };
+    UNSEEN: `vec3(${space.unseen.map(real)})`, HAS_SPLATS: Boolean(splats), SHARE: real(splats?.share ?? 0),
+    SHARE_BEHIND: real(blendsHalfFloats && splats ? splats.share_behind : 0) };
 }
 
 // Of two shaders in the page, with constants by name.
@@ -88,21 +95,30 @@ function uploadTextures(program, field) {
   };
   cells('march', 1, field.description.grid_resolution, gl.R8UI, gl.RED_INTEGER, gl.NEAREST);
   cells('trained', 2, field.description.trained_resolution, gl.R8, gl.RED, gl.LINEAR);
+  if (!field.splats) return;
+  cells('shares', kSharesUnit, field.description.splats.shares_resolution, gl.R8, gl.RED, gl.LINEAR);
+  place('splats', kMixedSplatsUnit);
+  place('nearness', kNearnessUnit);
 }
 
-// A picture on the graphics card.
-function makeTarget(format = gl.RGBA8) {
-  return { frame: gl.createFramebuffer(), texture: bindTexture(3, gl.TEXTURE_2D, gl.LINEAR), format, width: 0, height: 0 };
+// A picture on the graphics card, or n of the same size that are drawn at once.
+function makeTarget(format = gl.RGBA8, n = 1) {
+  const textures = Array.from({ length: n }, () => bindTexture(3, gl.TEXTURE_2D, gl.LINEAR));
+  return { frame: gl.createFramebuffer(), textures, format, width: 0, height: 0 };
 }
 
 function resizeTarget(target, width, height) {
   if (target.width === width && target.height === height) return;
   gl.activeTexture(gl.TEXTURE3);
-  gl.bindTexture(gl.TEXTURE_2D, target.texture);
-  const kind = target.format === gl.RGBA8 ? gl.UNSIGNED_BYTE : gl.HALF_FLOAT;
-  gl.texImage2D(gl.TEXTURE_2D, 0, target.format, width, height, 0, gl.RGBA, kind, null);
   gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
-  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target.texture, 0);
+  const kind = target.format === gl.RGBA8 ? gl.UNSIGNED_BYTE : gl.HALF_FLOAT;
+  const places = target.textures.map((texture, i) => {
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, target.format, width, height, 0, gl.RGBA, kind, null);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, texture, 0);
+    return gl.COLOR_ATTACHMENT0 + i;
+  });
+  gl.drawBuffers(places);
   Object.assign(target, { width, height });
 }
 
@@ -136,7 +152,7 @@ class Renderer {
     uploadWeights(this.program, field);
     uploadTextures(this.program, field);
     this.isMixed = false;
-    this.splats = field.splats ? new Splats(field.splats, fieldConstants(field.description).UNSEEN) : null;
+    this.splats = field.splats ? new Splats(field.splats) : null;
     this.presented = 0;
     this.shown = makeTarget();
     this.next = makeTarget();
@@ -150,7 +166,7 @@ class Renderer {
     gl.uniform3fv(this.uniform('origin'), camera.at);
     gl.uniformMatrix3fv(this.uniform('rotation'), false, [...camera.x, ...camera.y, ...camera.z]);
     gl.uniform4f(this.uniform('intrinsics'), 1 / camera.focal[0], 1 / camera.focal[1], ...camera.centre);
-    gl.uniform1f(this.uniform('height'), camera.height);
+    gl.uniform2f(this.uniform('size'), camera.width, camera.height);
     gl.uniform1f(this.uniform('step_scale'), step_scale(this.space));
     gl.uniform1f(this.uniform('least_transmittance'), least_transmittance);
     gl.uniform1f(this.uniform('least_weight'), least_weight);

@@ -14,6 +14,7 @@ layout(location = 0) in uint splat;  // farthest first
 out vec2 offset;                // from the splat's centre [px], y down
 flat out vec3 conic;
 flat out vec4 seen;             // colour, opacity
+flat out float inverse_distance;
 
 vec4 Bytes(uint word) { return vec4(word & 255u, word >> 8 & 255u, word >> 16 & 255u, word >> 24); }
 
@@ -50,6 +51,7 @@ void main() {
   float determinant = covariance.x * covariance.z - covariance.y * covariance.y;
   conic = vec3(covariance.z, -covariance.y, covariance.x) / determinant;
   seen = vec4(Colour(look, normalize(way)), opacity);
+  inverse_distance = 1.0 / max(NEAREST, length(way));
   vec2 corner = vec2(gl_VertexID % 2, gl_VertexID / 2) * 2.0 - 1.0;
   offset = corner * sqrt(2.0 * log(opacity / MIN_ALPHA) * covariance.xz);
   vec2 pixel = projection.xy * p.xy / p.z + projection.zw + offset;

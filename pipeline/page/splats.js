@@ -5,7 +5,6 @@ const kDepthSteps = 1 << 16;
 // As RenderSplats in nerf/rendering/splat_mixing.h: pictures of less than this share of the size that the splats were
 // fitted to are that picture, shrunk, up to so many times.
 const kLeastZoom = 0.8, kMostShrink = 4;
-const kSplatUnit = 4, kMixedFieldUnit = 5, kMixedSplatsUnit = 6;
 
 // Splats in front of the camera from the farthest on: a counting sort of their depths' logarithms.
 function sortByDepth(places, origin, forward, nearest, order) {
@@ -36,13 +35,12 @@ function magnified(camera, times) {
 }
 
 class Splats {
-  // unseen: the veil's colour, as the shader reads it
-  constructor({ description, texels }, unseen) {
+  constructor({ description, texels }) {
     Object.assign(this, description);  // see splat_payload.h
     const constants = { SPLAT_WIDTH: kTableWidth };
     for (const [name, value] of Object.entries(description.constants)) constants[name] = real(value);
     this.program = makeProgram(constants, 'splat-vertex', 'splat-fragment');
-    this.mixing = makeProgram({ SHARE: real(description.share), UNSEEN: unseen }, 'cover', 'mixing');
+    this.mixing = makeProgram({}, 'cover', 'mixing');
     this.n = texels.length / 8;
     this.places = new Float32Array(3 * this.n);
     const values = new Float32Array(texels.buffer, texels.byteOffset, texels.length);
@@ -58,9 +56,7 @@ class Splats {
     gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
     gl.vertexAttribDivisor(0, 1);
     gl.bindVertexArray(null);
-    // Without, 8 bits per blended splat leave some noise.
-    const fine = gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float');
-    this.picture = makeTarget(fine ? gl.RGBA16F : gl.RGBA8);
+    this.picture = makeTarget(blendsHalfFloats ? gl.RGBA16F : gl.RGBA8, 2);  // colours, and nearness
     this.mixed = makeTarget();
     this.rate = 20;  // pixels per millisecond, as far as is known
     this.took = Infinity;  // the last picture [ms]
@@ -127,10 +123,21 @@ class Splats {
     gl.useProgram(this.program);
     this.aim(camera);
     this.drawQuads(n);
+    this.bindPictures();
     await drawn();
     this.took = performance.now() - began;
     const rate = camera.width * camera.height / Math.max(1, this.took);
     this.rate *= Math.min(2, Math.max(0.25, rate / this.rate));
+  }
+
+  // Where the field's shader and the mixing one look for them.
+  bindPictures() {
+    this.picture.textures.forEach((texture, i) => {
+      gl.activeTexture(gl.TEXTURE0 + [kMixedSplatsUnit, kNearnessUnit][i]);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, this.isShrunk ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
+      if (this.isShrunk) gl.generateMipmap(gl.TEXTURE_2D);
+    });
   }
 
   // The mixture with a field's picture of the same view, which may have fewer pixels.
@@ -143,11 +150,7 @@ class Splats {
     gl.useProgram(this.mixing);
     const at = (name) => gl.getUniformLocation(this.mixing, name);
     gl.activeTexture(gl.TEXTURE0 + kMixedFieldUnit);
-    gl.bindTexture(gl.TEXTURE_2D, field.texture);
-    gl.activeTexture(gl.TEXTURE0 + kMixedSplatsUnit);
-    gl.bindTexture(gl.TEXTURE_2D, this.picture.texture);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, this.isShrunk ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
-    if (this.isShrunk) gl.generateMipmap(gl.TEXTURE_2D);
+    gl.bindTexture(gl.TEXTURE_2D, field.textures[0]);
     gl.uniform1i(at('field'), kMixedFieldUnit);
     gl.uniform1i(at('splats'), kMixedSplatsUnit);
     gl.uniform2f(at('size'), width, height);

@@ -44,16 +44,23 @@ class Played {
     options.field.grid_resolution = 64;
     fs::create_directories(dir_ / "train");
     nerf::Train(scene_, {}, options, dir_ / "train");
-    KeepOneShare(dir_ / "train/checkpoint.bin");
+    MakeSharesDiffer(dir_ / "train/checkpoint.bin");
     ExportPage(scene_, dir_ / "train/checkpoint.bin", "a </script> run", page());
   }
 
-  // In the page splats have the same share everywhere (mixing.glsl).
-  static void KeepOneShare(const fs::path& checkpoint) {
+  // The splats have most of one half of the room and little of the other; in the upper half they lie so far
+  // behind the field that it gives way to them.
+  static void MakeSharesDiffer(const fs::path& checkpoint) {
     nerf::TrainState state;
     const auto scene_field = nerf::ReadCheckpoint(checkpoint, &state);
-    scene_field->splat_share_behind = 0;
-    scene_field->splat_shares = {};
+    nerf::Splats& splats = scene_field->splats;
+    if (splats.size() == 0) return;
+    scene_field->splat_share_behind = 1;
+    std::vector<std::uint8_t>& shares = scene_field->splat_shares.cells;
+    shares.assign(nerf::ShareMap::kCells, 26);
+    std::fill_n(shares.begin(), nerf::ShareMap::kCells / 2, std::uint8_t{230});
+    for (std::size_t i = 0; i < splats.places.size(); ++i)
+      if (splats.places[i / 3 * 3 + 2] > 1) splats.places[i] *= 1.5f;
     nerf::WriteCheckpoint(checkpoint, scene_field.get(), state);
   }
 
@@ -147,23 +154,32 @@ TEST(PageExport, ShowsAnUnboundedFieldAsItRenders) {
 TEST(PageExport, BrokenShadersLookDifferent) {
   REQUIRE_PROGRAM("chromium");
   struct Fault {
-    Behind behind;
-    std::string right, wrong;
+    const char *right, *wrong;
   };
-  const Fault faults[] = {// A corner's weight no longer belongs to the corner.
-                          {Behind::kNothing, "mix(1.0 - f, f, upper)", "mix(1.0 - f, f, upper.yxz)"},
-                          // Splats' red is blue.
-                          {Behind::kRoom, "k0 = mean.yzw", "k0 = mean.wzy"}};
-  for (const Fault& fault : faults) {
-    const Played played(fault.behind);
-    std::string page = io::ReadFile(played.page());
-    const std::size_t at = page.find(fault.right);
-    ASSERT_NE(at, std::string::npos);
-    page.replace(at, fault.right.size(), fault.wrong);
-    io::WriteFileAtomically(played.page(), page);
-    Browser browser(played.Url());
-    ASSERT_TRUE(browser.Becomes(kStarted)) << browser.Evaluate("document.body.innerText");
-    EXPECT_LT(played.Psnr(&browser), 35) << fault.wrong;
+  const std::pair<Behind, std::vector<Fault>> cases[] = {
+      {Behind::kNothing,
+       {// A corner's weight no longer belongs to the corner.
+        {"mix(1.0 - f, f, upper)", "mix(1.0 - f, f, upper.yxz)"}}},
+      {Behind::kRoom,
+       {// Splats' red is blue.
+        {"k0 = mean.yzw", "k0 = mean.wzy"},
+        // Their shares are those of other places.
+        {"place.zyx", "place.xyz"},
+        // They are half as far away, before what hides them.
+        {"inverse_distance = 1.0", "inverse_distance = 2.0"}}}};
+  for (const auto& [behind, faults] : cases) {
+    const Played played(behind);
+    const std::string page = io::ReadFile(played.page());
+    for (const auto& [right, wrong] : faults) {
+      const std::size_t at = page.find(right);
+      ASSERT_NE(at, std::string::npos) << right;
+      std::string broken = page;
+      broken.replace(at, std::string(right).size(), wrong);
+      io::WriteFileAtomically(played.page(), broken);
+      Browser browser(played.Url());
+      ASSERT_TRUE(browser.Becomes(kStarted)) << browser.Evaluate("document.body.innerText");
+      EXPECT_LT(played.Psnr(&browser), 35) << wrong;
+    }
   }
 }
 
