@@ -111,7 +111,9 @@ std::string SplatFit::Finish() {
                before = FieldBeforeShare(*scene_field_, photos_, fitted_, workers_);
   scene_field_->splat_share_behind =
       static_cast<float>(std::clamp((kLeastHoles - before) / (kLeastHoles - kMostFloaters), 0.0, 1.0));
-  state.moments = {};
+  if (share >= kLeastShare)
+    scene_field_->splat_shares = SharesByPlace(*scene_field_, photos_, fitted_, workers_);
+  state.moments = {};  // from here on it is finished: what may be interrupted comes before
   std::string text = fmt::format(
       "{} splats in {} steps, {:.0f} % of the picture, {:.0f} % where the field stands "
       "before them ({:.1f} % of the pixels)",
@@ -124,10 +126,7 @@ std::string SplatFit::Finish() {
     text += fmt::format("; {:.1f} times the squared error on {} pictures that were set aside",
                         state.error_ratio,
                         aside_.size());
-  if (share >= kLeastShare) {
-    scene_field_->splat_shares = SharesByPlace(*scene_field_, photos_, fitted_, workers_);
-    return text;
-  }
+  if (share >= kLeastShare) return text;
   scene_field_->splats = {};
   scene_field_->splat_share_behind = 0;
   return text + "; dropped, for so little is not worth its time";
