@@ -11,9 +11,6 @@ namespace {
 
 // Pictures of wide angles are not drawn larger than this, in sides of what is wanted.
 constexpr double kMostShrink = 4;
-// A surface of the field stands before the splats where it is nearer than the second share of their distance,
-// and does not beyond the first; edges of things lie in between.
-constexpr float kNearlyAsFar = 0.9f, kWellBefore = 0.8f;
 constexpr float kTransparent = 1e-3f;  // opacity of splats below which they have no distance
 
 std::vector<float> Resized(

@@ -46,8 +46,9 @@ SplatPicture RenderSplats(const SceneField& scene_field,
 inline constexpr double kLeastZoom = 0.8;
 
 // How well the field's surface stands before the splats, at each pixel of a view of median_depth: 0 where it
-// is as far from the camera as they are, or hardly nearer, up to 1 from four fifths of their distance on. 0
-// as well where one of both is transparent.
+// is farther away than kNearlyAsFar of their distance, 1 where it is nearer than kWellBefore of it; edges of
+// things lie in between. 0 as well where one of both is transparent.
+inline constexpr float kNearlyAsFar = 0.9f, kWellBefore = 0.8f;
 std::vector<float> FieldBeforeSplats(Splats splats,
                                      const io::Camera& camera,
                                      const io::Rigid3d& world_from_cam,

@@ -37,8 +37,7 @@ out vec4 colour;           // and the share of the splats in the picture
 const float kMaxLogDensity = 15.0, kMinWeight = 1e-3;
 // Share of a pixel's light from where no training sample was, at which the veil begins and is complete.
 const float kVeilBegins = 0.5, kVeilComplete = 0.9;
-// FieldBeforeSplats in nerf/rendering/splat_mixing.h: the field's distance over that of the splats.
-const float kNearlyAsFar = 0.9, kWellBefore = 0.8, kTransparent = 1e-3;
+const float kTransparent = 1e-3;  // opacity of splats below which they have no distance
 const float kNowhere = 1e30;  // distance of a surface that a ray does not meet
 const int kMaxSamples = 4096, kMaxSteps = 65536;  // no graphics card is to hang on us
 
@@ -228,7 +227,7 @@ vec4 RayColour(vec3 direction, float stagger, out float surface) {
   return vec4(rgb + transmittance * BACKGROUND, unseen);
 }
 
-// Of the splats in the picture, on a ray that meets the field's surface at that distance.
+// SplatShares in nerf/rendering/splat_mixing.cpp: of the splats in the picture, on a ray that meets the field's surface at that distance.
 float SplatShare(vec3 direction, float surface) {
   bool met = surface < kNowhere;
   float to_unit = UNBOUNDED ? 1.0 / HALF : 0.5 / HALF;
@@ -237,7 +236,7 @@ float SplatShare(vec3 direction, float surface) {
   float share = met || UNBOUNDED ? texture(shares, place.zyx).r : SHARE;
   vec2 at = gl_FragCoord.xy / size;
   float opacity = texture(splats, at).a, ratio = surface * texture(nearness, at).r / max(opacity, kTransparent);
-  float before = clamp((kNearlyAsFar - ratio) / (kNearlyAsFar - kWellBefore), 0.0, 1.0);
+  float before = clamp((NEARLY_AS_FAR - ratio) / (NEARLY_AS_FAR - WELL_BEFORE), 0.0, 1.0);
   if (!met || opacity < kTransparent) before = 0.0;
   return share + max(0.0, SHARE_BEHIND - share) * before;
 }

@@ -6,6 +6,7 @@
 
 #include "io/base/check.h"
 #include "io/base/json.h"
+#include "nerf/rendering/splat_mixing.h"
 #include "nerf/rendering/trained_field.h"
 #include "pipeline/film/film.h"
 #include "pipeline/page/splat_payload.h"
@@ -135,6 +136,8 @@ std::vector<std::uint8_t> ShareTexels(const nerf::SceneField& scene_field) {
 Json SplatsJson(const nerf::SceneField& scene_field, const SplatPayload& payload) {
   return {{"share", scene_field.splat_share},
           {"share_behind", scene_field.splat_share_behind},
+          {"nearly_as_far", nerf::kNearlyAsFar},
+          {"well_before", nerf::kWellBefore},
           {"shares_resolution", scene_field.splat_shares.empty() ? 1 : nerf::ShareMap::kResolution},
           {"focal_px", scene_field.splat_focal_px},
           {"low_pass", nerf::kLowPass},

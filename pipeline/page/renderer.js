@@ -30,7 +30,8 @@ function fieldConstants({ space, grid_resolution, trained_resolution, kept_level
     ENDS_AT_INFINITY: space.ends_at_infinity, STEP_SIZE: real(space.step_size), CONE_ANGLE: real(space.cone_angle),
     BACKGROUND: `vec3(${space.background.map(real)})`, HAS_UNKNOWN_SPACE: space.has_unknown_space,
     UNSEEN: `vec3(${space.unseen.map(real)})`, HAS_SPLATS: Boolean(splats), SHARE: real(splats?.share ?? 0),
-    SHARE_BEHIND: real(blendsHalfFloats && splats ? splats.share_behind : 0) };
+    SHARE_BEHIND: real(blendsHalfFloats && splats ? splats.share_behind : 0),
+    NEARLY_AS_FAR: real(splats?.nearly_as_far ?? 1), WELL_BEFORE: real(splats?.well_before ?? 0) };
 }
 
 // Of two shaders in the page, with constants by name.
@@ -95,8 +96,10 @@ function uploadTextures(program, field) {
   };
   cells('march', 1, field.description.grid_resolution, gl.R8UI, gl.RED_INTEGER, gl.NEAREST);
   cells('trained', 2, field.description.trained_resolution, gl.R8, gl.RED, gl.LINEAR);
-  if (!field.splats) return;
-  cells('shares', kSharesUnit, field.description.splats.shares_resolution, gl.R8, gl.RED, gl.LINEAR);
+  if (field.splats)
+    cells('shares', kSharesUnit, field.description.splats.shares_resolution, gl.R8, gl.RED, gl.LINEAR);
+  // Without splats as well: samplers of different kinds must not share a unit.
+  place('shares', kSharesUnit);
   place('splats', kMixedSplatsUnit);
   place('nearness', kNearnessUnit);
 }
