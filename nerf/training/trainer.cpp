@@ -11,6 +11,7 @@
 #include "io/process/interrupt.h"
 #include "io/process/progress.h"
 #include "io/process/ranks.h"
+#include "nerf/data/picture_gains.h"
 #include "nerf/data/plain_background.h"
 #include "nerf/data/sky.h"
 #include "nerf/data/sparse_depth.h"
@@ -111,6 +112,12 @@ void Trainer::Begin() {
       report_.events.push_back(
           fmt::format("the pictures show the sky in {:.0f} % of their pixels: nothing stands before it",
                       100 * static_cast<double>(n_sky) / static_cast<double>(dataset_.n_pixels())));
+    const PictureGains gains = FindPictureGains(dataset_);
+    EvenOut(gains, &dataset_);
+    if (!gains.empty())
+      report_.events.push_back(
+          fmt::format("brightness and tint change by {:.1f} % from picture to picture: evened out",
+                      100 * SpreadOf(gains)));
   }
   const std::filesystem::path checkpoint = folder_ / "checkpoint.bin";
   std::unique_ptr<SceneField> scene_field;

@@ -143,7 +143,8 @@ class HashGradientTest : public testing::Test {
                          .early_stop_depth = 1e9f,
                          .wave_samples = 4};
     Dataset dataset = LoadDataset(scene_, 1);
-    for (std::size_t v = 0; v < dataset.views.size(); ++v) dataset.depths.push_back({v, 12.3f, 11.6f, 3.5f});
+    for (std::size_t v = 0; v < dataset.views.size(); ++v)
+      dataset.depths.push_back({.view = v, .point = 0, .x = 12.3f, .y = 11.6f, .t = 3.5f});
     for (std::size_t i = 0; c.sky_weight > 0 && i < dataset.n_pixels(); ++i)
       dataset.sky.push_back(i % 2 == 0);
     const HashShardContext<Real> context{

@@ -149,7 +149,7 @@ TEST(DrawRays, RaysOfAPixelStartStaggeredWithinTheirFirstInterval) {
 
 TEST(DrawRays, AShareGoesThroughSparsePoints) {
   Dataset dataset = OneView();
-  dataset.depths = {{.view = 0, .x = 2.25f, .y = 1.75f, .t = 3}};
+  dataset.depths = {{.view = 0, .point = 0, .x = 2.25f, .y = 1.75f, .t = 3}};
   const SceneContraction contraction{{0, 0, 0}, 10, false};
   const OccupancyGrid grid(64, contraction);
   const Sampler sampler({.near = 0.1f, .far = 5, .step_size = 0.1f}, contraction, grid);
@@ -226,7 +226,7 @@ TEST(FullGradientDistance, IsTwoOrWhereATwentiethOfTheDepthsIsNearer) {
   Dataset dataset;
   EXPECT_EQ(FullGradientDistance(dataset), 2.f);
   for (int i = 0; i < 101; ++i)
-    dataset.depths.push_back({.view = 0, .x = 0, .y = 0, .t = 1 + 0.1f * static_cast<float>(i)});
+    dataset.depths.push_back({.view = 0, .point = 0, .x = 0, .y = 0, .t = 1 + 0.1f * static_cast<float>(i)});
   EXPECT_FLOAT_EQ(FullGradientDistance(dataset), 1.5f);
   for (SparseDepth& depth : dataset.depths) depth.t += 2;
   EXPECT_EQ(FullGradientDistance(dataset), 2.f);

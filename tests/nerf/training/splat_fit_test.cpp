@@ -132,6 +132,39 @@ TEST(Training, FindsTheSkyOfItsPictures) {
             1);
 }
 
+TEST(Training, EvensOutTheBrightnessOfPictures) {
+  const TempDir dir;
+  io::Scene scene =
+      tests::BallScene(dir.path(), 12, 0, {.size = 64, .focal = 2, .behind = tests::Behind::kRoom});
+  for (std::size_t view = 0; view < scene.frames.size(); ++view) {
+    io::Image picture = io::ReadImage(scene.frames[view].image_path);
+    const int percent = 60 + static_cast<int>(view * 17 % 40);
+    for (std::uint8_t& level : picture.data) level = static_cast<std::uint8_t>(level * percent / 100);
+    for (std::size_t i = 3; i < picture.data.size() && picture.channels == 4; i += 4) picture.data[i] = 255;
+    io::WriteImage(scene.frames[view].image_path, picture);
+  }
+  for (int i = 0; i < 600; ++i) {  // on the ball, evenly (Fibonacci's spiral)
+    const double z = 1 - (2 * i + 1) / 600., turn = 2.39996 * i, r = std::sqrt(1 - z * z);
+    io::Point3D point{.xyz = {0.8 * r * std::cos(turn), 0.8 * r * std::sin(turn), 0.8 * z}};
+    for (std::size_t view = 0; view < scene.frames.size(); ++view) {
+      const Eigen::Vector3d to_camera = scene.frames[view].world_from_cam.translation - point.xyz;
+      if (to_camera.dot(point.xyz) > 0.4 * to_camera.norm())
+        point.frame_indices.push_back(static_cast<int>(view));
+    }
+    scene.points.push_back(point);
+  }
+  TrainOptions options = FitOptions(2);
+  options.splats = false;
+  const std::vector<std::string> events = Train(scene, {}, options, dir.path()).events;
+  EXPECT_EQ(std::count_if(events.begin(),
+                          events.end(),
+                          [](const std::string& event) {
+                            return event.starts_with("brightness and tint change by 1");
+                          }),
+            1)
+      << testing::PrintToString(events);
+}
+
 TEST_F(SplatFits, LeaveTheSkyToTheField) {
   const std::size_t n_all = FieldSurface(*scene_field_, dataset_, 500, 1, &workers_).size();
   for (std::size_t i = 0; i < dataset_.n_pixels(); ++i) dataset_.sky.push_back(i / 48 % 48 < 16);
