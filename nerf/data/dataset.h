@@ -27,8 +27,8 @@ struct View {
 // Distance from a camera to what one point of its picture shows.
 struct SparseDepth {
   std::size_t view, point;  // point: of the scene
-  float x, y;  // pixels; the centre of the first one is at (0.5, 0.5)
-  float t;     // along the ray, scene units
+  float x, y;               // pixels; the centre of the first one is at (0.5, 0.5)
+  float t;                  // along the ray, scene units
 };
 
 struct Dataset {
