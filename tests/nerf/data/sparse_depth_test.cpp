@@ -34,12 +34,14 @@ Dataset DatasetOf(const io::Scene& scene) {
 
 TEST(SparseDepths, LieWhereTheirObserversSeeThePoint) {
   io::Scene scene = ThreeCameras();
+  scene.points.push_back({.xyz = {0, 0, -2}, .frame_indices = {0}});
   scene.points.push_back({.xyz = {0.5, 0.25, -2}, .frame_indices = {0, 1, 2}});
   const Dataset dataset = DatasetOf(scene);
   const std::vector<SparseDepth> depths = SparseDepths(scene, dataset);
   ASSERT_EQ(depths.size(), 3u);
   for (std::size_t v = 0; v < 3; ++v) {
     EXPECT_EQ(depths[v].view, v);
+    EXPECT_EQ(depths[v].point, 1u);
     EXPECT_NEAR(depths[v].x, 2.5 - 0.5 * static_cast<double>(v), 1e-6);
     EXPECT_NEAR(depths[v].y, 1.75, 1e-6) << "y is up in the scene and down in the picture";
     const double aside = 0.5 - 0.5 * static_cast<double>(v);
