@@ -35,7 +35,7 @@ constexpr double kNoises[] = {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 100};
 constexpr double kLeastDistance = 1e-6;  // of cameras that stand or look alike, against division by zero
 // Standard deviations of e that are worth it: gains are told to about 1 %.
 constexpr double kLeastSpread = 0.025;
-constexpr double kMostGain = 4;
+constexpr double kMostGain = 4;  // two stops and more in sRGB levels: a larger one is a mistake of the points
 // From this level on, what a gain does fades, so that white stays white.
 constexpr double kShoulder = 250;
 
