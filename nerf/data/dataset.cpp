@@ -28,6 +28,17 @@ std::vector<bool> Dataset::UsedPixels() const {
   return used;
 }
 
+void Dataset::Use(const std::vector<bool>& used) {
+  std::vector<PixelRun> begun;
+  std::uint32_t rank = 0;
+  for (std::size_t p = 0; p < used.size(); ++p) {
+    if (used[p] && (p == 0 || !used[p - 1])) begun.push_back({rank, static_cast<std::uint32_t>(p)});
+    rank += used[p];
+  }
+  begun.push_back({rank, static_cast<std::uint32_t>(used.size())});
+  runs = used.empty() ? PixelRuns() : PixelRuns(std::move(begun));
+}
+
 namespace {
 
 // Used pixels of one view without a gap, counted from its first: [first, last).

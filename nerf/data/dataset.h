@@ -46,8 +46,10 @@ struct Dataset {
 
   // The used pixel of a rank in [0, n_used).
   std::size_t UsedPixel(std::size_t rank) const { return runs.empty() ? rank : runs.Pixel(rank); }
-  // Whether each pixel is used; empty: no view has a mask.
+  // Whether each pixel is used; empty: all are.
   std::vector<bool> UsedPixels() const;
+  // The opposite.
+  void Use(const std::vector<bool>& used);
 
   bool ShowsSky(std::size_t pixel) const { return !sky.empty() && sky[pixel]; }
 

@@ -58,6 +58,7 @@ std::vector<Entry> Entries(SceneField* scene_field, TrainState* state) {
   // Rebuilt only every few steps, so not a function of the densities at this one.
   add("occupancy_distance", std::span(scene_field->grid.distance()));
   if (!state->cameras.empty()) add("cameras", std::span(state->cameras));
+  if (!state->transients.shown.empty()) add("transients", std::span(state->transients.shown));
   if (scene_field->splats.size() > 0) add_splats("splat_", &scene_field->splats);
   if (!scene_field->splat_shares.empty()) add("splat_shares", std::span(scene_field->splat_shares.cells));
   if (SplatMoments& moments = state->splats.moments; !moments.empty()) {
@@ -226,6 +227,9 @@ void WriteCheckpoint(const std::filesystem::path& path, SceneField* scene_field,
                      {"channels", state.channels},
                      {"field_s", state.field_s},
                      {"camera_values", state.cameras.size()}};
+  if (state.transients.last_look > 0)
+    header["transients"] = {{"pixels", state.transients.shown.size()},
+                            {"last_look", state.transients.last_look}};
   header["splats"] = {{"number", scene_field->splats.size()},
                       {"focal_px", scene_field->splat_focal_px},
                       {"share", scene_field->splat_share},
@@ -286,6 +290,12 @@ std::unique_ptr<SceneField> ReadCheckpoint(const std::filesystem::path& path, Tr
   state->channels = Get(path, t, "channels", 3, 4);
   state->field_s = Get(path, t, "field_s", 0.0, 1e12);
   state->cameras.resize(Get<std::size_t>(path, t, "camera_values", 0, kMaxCameraValues));
+  if (const auto it = header.find("transients"); it != header.end()) {
+    state->transients.shown.resize(Get<std::size_t>(path, *it, "pixels", 0, file.size));
+    state->transients.last_look = Get<std::uint64_t>(path, *it, "last_look", 1, ~0ull);
+  } else {
+    state->transients = {};
+  }
 
   auto scene_field =
       std::make_unique<SceneField>(contraction, sampling, MakeField(path, header), grid_resolution);

@@ -25,6 +25,12 @@ struct SplatState {
   double squared_error = -1;  // running mean over pixels and channels; -1: none yet
 };
 
+// Of transients in the training pictures, see training/transient_masks.h.
+struct TransientState {
+  std::vector<std::uint8_t> shown;  // as FindTransients has it
+  std::uint64_t last_look = 0;      // steps of the field before it; 0: none yet
+};
+
 struct TrainState {
   std::uint64_t seed = 1;
   std::uint64_t step = 0;          // finished steps
@@ -37,6 +43,7 @@ struct TrainState {
   double squared_error = -1;   // running mean over pixels and channels; -1: none yet
   int channels = 3;            // of the pictures
   std::vector<float> cameras;  // what refining them keeps, see training/camera_refinement.h; may be empty
+  TransientState transients;
   SplatState splats;
 };
 

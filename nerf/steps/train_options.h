@@ -49,6 +49,7 @@ struct TrainOptions {
   double learning_rate = 0;        // Adam; 0: the field's own, above
   int samples_per_step = 1 << 14;  // `hash`: target; the number of rays follows from the samples they meet
   bool refine_cameras = true;      // `hash`, photographs: move the poses that their rays pull at
+  bool find_transients = true;     // `hash`, photographs: leave out what one picture alone shows
   bool splats = true;              // `hash`, photographs: fit splats in the second part of the budget
   double min_weight = 1e-4;        // `hash`: samples with less weight are not differentiated
   std::optional<TrainingSchedule> schedule;  // `hash`; otherwise by what time or steps afford

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "io/image/mask.h"
 #include "nerf/steps/moved_camera.h"
 #include "nerf/training/training_curve.h"
 
@@ -28,6 +29,7 @@ struct TrainReport {
   std::vector<std::string> events;  // resume, restart, skipped steps
   std::vector<CurvePoint> curve;
   std::vector<MovedCamera> moved_cameras;
+  std::vector<io::Mask> masks;  // TransientMasks::Masks
 };
 
 }  // namespace nerf

@@ -21,6 +21,7 @@
 #include "nerf/training/training_clock.h"
 #include "nerf/training/training_memory.h"
 #include "nerf/training/training_progress.h"
+#include "nerf/training/transient_masks.h"
 
 namespace nerf {
 namespace {
@@ -88,6 +89,7 @@ class Trainer {
   TrainingCurve curve_;
   double budget_s_ = 0;  // of all parts
   bool plans_splats_ = false;
+  std::optional<TransientMasks> transients_;
   std::optional<FieldFit> field_;
   std::optional<SplatFit> splats_;
   std::optional<TrainingProgress> progress_;
@@ -131,9 +133,11 @@ void Trainer::Begin() {
     state_.channels = dataset_.channels;
   }
   budget_s_ = options_.time_s;
-  plans_splats_ = options_.splats && SplatFit::Suits(dataset_, options_.field.kind) &&
-                  (options_.steps > 0 || budget_s_ >= kShortestWithSplatsS);
+  const bool is_long = options_.steps > 0 || budget_s_ >= kShortestWithSplatsS;
+  plans_splats_ = options_.splats && SplatFit::Suits(dataset_, options_.field.kind) && is_long;
   if (plans_splats_) options_.time_s *= kFieldShare;
+  if (options_.find_transients && dataset_.channels == 3 && options_.field.kind == FieldKind::kHash && is_long)
+    transients_.emplace(scene_, &dataset_, &state_, &workers_);
   field_.emplace(scene_, options_, std::move(scene_field), &dataset_, &state_, &report_, &workers_);
   clock_.Resume(state_.elapsed_s);
   if (ranks_.IsFirst())
@@ -244,6 +248,7 @@ void Trainer::TrainField() {
   for (double progress = NextProgress(); progress < 1; progress = NextProgress()) {
     field_->scene_field()->splats = {};  // of a field that was trained less
     state_.splats = {};
+    if (transients_) transients_->BeforeStep(*field_);
     field_->Step(progress);
     AfterStep();
   }
@@ -276,6 +281,9 @@ void Trainer::FillReport() {
   report_.ended_early = io::FromFirst(report_.ended_early);    // training ends, concerns all ranks
   report_.budget_s = budget_s_;
   field_->FillReport(field_run_s_);
+  if (!transients_) return;
+  report_.masks = transients_->Masks();
+  if (const std::string found = transients_->Describe(); !found.empty()) report_.events.push_back(found);
 }
 
 TrainReport Trainer::Run() {

@@ -27,9 +27,8 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr std::uint8_t kWhite = 255;
-constexpr double kNoShare = -1;  // of a view without sparse points
-// Of pixels that a mask leaves out, in compare/: what was there can still be seen.
-constexpr std::uint8_t kDarkening = 4;
+constexpr double kNoShare = -1;         // of a view without sparse points
+constexpr std::uint8_t kDarkening = 4;  // of pixels that a mask leaves out
 // Of a pixel whose view is scored: FLIP and SSIM filter both pictures in double.
 constexpr std::size_t kScoringBytes = 320;
 
@@ -38,13 +37,6 @@ fs::path RenderPath(const fs::path& folder, const io::Frame& frame) {
 }
 
 std::string SizeText(int width, int height) { return fmt::format("{}x{}", width, height); }
-
-io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
-  for (std::size_t i = 0; i < picture.data.size(); ++i) {
-    if (!mask.Uses(i / 3)) picture.data[i] /= kDarkening;
-  }
-  return picture;
-}
 
 void WriteComparison(const io::Frame& frame, const fs::path& render_path, const Comparison& paths) {
   const auto [truth, mask] = ReadTruth(frame);
@@ -184,6 +176,13 @@ void WriteComparisons(const io::Scene& test,
 }
 
 }  // namespace
+
+io::Image DarkenUnused(io::Image picture, const io::Mask& mask) {
+  for (std::size_t i = 0; i < picture.data.size(); ++i) {
+    if (!mask.Uses(i / 3)) picture.data[i] /= kDarkening;
+  }
+  return picture;
+}
 
 Truth ReadTruth(const io::Frame& frame) {
   Truth truth{io::CompositeOn(io::ReadImage(frame.image_path), kWhite), {}};

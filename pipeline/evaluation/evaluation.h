@@ -29,6 +29,8 @@ struct Truth {
   io::Mask mask;
 };
 Truth ReadTruth(const io::Frame& frame);
+// An RGB picture where what the mask leaves out is dark, but can still be seen.
+io::Image DarkenUnused(io::Image picture, const io::Mask& mask);
 
 // 8-bit picture of a rendered view, rounded to nearest. Throws kBadInput naming the first pixel that is not
 // finite.

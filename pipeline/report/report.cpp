@@ -41,6 +41,7 @@ std::vector<fs::path> ReportInputs(const fs::path& run_folder) {
                            "scene/points.ply",
                            "train/curve.csv",
                            "train/checkpoint.bin",
+                           "train/masks",
                            "evaluate/metrics.json",
                            "evaluate/compare",
                            "render/novel_view.mp4",

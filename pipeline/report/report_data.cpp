@@ -10,11 +10,14 @@
 #include "io/base/error.h"
 #include "io/base/json.h"
 #include "io/base/quoting.h"
+#include "io/image/mask.h"
+#include "io/scene/transforms.h"
 #include "pipeline/report/scene_page.h"
 #include "pipeline/stage/frames.h"
 #include "pipeline/stage/run_record.h"
 #include "pipeline/stage/stage_table.h"
 #include "pipeline/stages/scene_record.h"
+#include "pipeline/stages/trained_scene.h"
 
 namespace pipeline {
 namespace {
@@ -141,6 +144,22 @@ void GatherScores(const fs::path& run_folder, ReportData* data) {
   }
 }
 
+std::vector<LeftOut> GatherLeftOut(const fs::path& run_folder) {
+  const fs::path transforms = run_folder / "scene/transforms_train.json";
+  if (!fs::is_directory(run_folder / "train/masks") || !fs::is_regular_file(transforms)) return {};
+  std::vector<LeftOut> left_out;
+  for (const io::Frame& frame : io::ReadTransforms(transforms).scene.frames) {
+    const fs::path path = TrainingMaskPath(run_folder / "train", frame);
+    if (!fs::is_regular_file(path)) continue;
+    const io::Mask mask = io::MaskFromImage(io::ReadImage(path));
+    const double used = static_cast<double>(mask.UsedCount()) / static_cast<double>(mask.used.size());
+    left_out.push_back({frame.image_path, path, 1 - used});
+  }
+  std::stable_sort(
+      left_out.begin(), left_out.end(), [](const LeftOut& a, const LeftOut& b) { return a.share > b.share; });
+  return left_out;
+}
+
 }  // namespace
 
 ReportData GatherReport(const fs::path& run_folder) {
@@ -177,6 +196,7 @@ ReportData GatherReport(const fs::path& run_folder) {
   data.train_steps = NumberAt(train, "steps");
   data.train_parameters = NumberAt(train, "parameters");
   data.curve = nerf::ReadTrainingCurve(run_folder / "train" / "curve.csv");
+  data.left_out = GatherLeftOut(run_folder);
   GatherScores(run_folder, &data);
 
   const Json render = ObjectOf(ReadStageRecord(run_folder, "render"));

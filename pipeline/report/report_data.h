@@ -32,6 +32,12 @@ struct ComparedView {
   std::optional<Comparison> pictures;  // nothing when none were written
 };
 
+// A training picture that shows what the others do not.
+struct LeftOut {
+  std::filesystem::path picture, mask;
+  double share = 0;  // of its pixels, that training left out
+};
+
 struct ReportData {
   std::string name;         // of the input, or of the run folder where that is unknown
   std::string input;        // what the user gave; empty when unknown
@@ -53,6 +59,7 @@ struct ReportData {
   double train_s = 0, train_steps = 0, train_parameters = 0;
   std::string field;
   nerf::CurveColumns curve;
+  std::vector<LeftOut> left_out;  // the largest shares first
 
   Scores scores;
   std::vector<ComparedView> views;  // worst PSNR first

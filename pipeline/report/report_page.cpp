@@ -22,7 +22,8 @@ namespace {
 // Three stand beside one another on a wide screen; more pixels only make the file larger.
 constexpr int kMaxPictureWidth = 480;
 constexpr std::size_t kOpenFigures = 4;  // the others are folded away
-constexpr std::size_t kPlainRows = 12;   // longer lists are folded away
+constexpr std::size_t kShownLeftOut = 6;
+constexpr std::size_t kPlainRows = 12;  // longer lists are folded away
 
 std::string Soft(const std::string& text) { return "<p class=\"soft\">" + EscapeHtml(text) + "</p>\n"; }
 
@@ -72,14 +73,17 @@ std::string VideoElement(const std::filesystem::path& mp4, const char* more) {
 }
 
 // A picture as a JPEG inside the page.
-std::string PictureElement(const std::filesystem::path& path, const std::string& what) {
-  const io::Image picture = io::ReadImage(path);
+std::string PictureElement(const io::Image& picture, const std::string& what) {
   const int width = std::min(picture.width, kMaxPictureWidth);
   const double height = static_cast<double>(picture.height) * width / picture.width;
   const io::Image shown = io::ResizeArea(picture, width, std::max(1, static_cast<int>(std::lround(height))));
   const std::vector<std::uint8_t> jpeg = io::EncodeImage(shown, ".jpg");
   return "<img alt=\"" + what + "\" src=\"data:image/jpeg;base64," +
          io::Base64(std::string(jpeg.begin(), jpeg.end())) + "\">";
+}
+
+std::string PictureElement(const std::filesystem::path& path, const std::string& what) {
+  return PictureElement(io::ReadImage(path), what);
 }
 
 // The colours of turbo from left to right, between the captions of both ends.
@@ -227,6 +231,23 @@ std::string StagesSection(const ReportData& data) {
   return html + "</table></div>\n" + (data.host.empty() ? "" : Soft("Machine: " + data.host + "."));
 }
 
+std::string LeftOutPart(const ReportData& data) {
+  if (data.left_out.empty()) return "";
+  std::string html =
+      "<h3>Left out</h3>\n" +
+      Soft(fmt::format("Training pictures that show what the others do not, such as passers-by: {}. The dark "
+                       "parts were not trained on; train/masks/ has them as masks.",
+                       data.left_out.size()));
+  html += "<div class=\"columns\">";
+  for (std::size_t i = 0; i < std::min(data.left_out.size(), kShownLeftOut); ++i) {
+    const LeftOut& left_out = data.left_out[i];
+    const io::Image picture = io::ReadImage(left_out.picture);
+    const io::Mask mask = io::ReadMask(left_out.mask, picture.width, picture.height);
+    html += PictureElement(DarkenUnused(picture, mask), EscapeHtml(left_out.picture.filename().string()));
+  }
+  return html + "</div>\n";
+}
+
 std::string PictureTable(const std::string& title, const std::vector<NamedText>& rows) {
   if (rows.empty()) return "";
   std::string html = fmt::format(
@@ -299,8 +320,8 @@ std::string ReportPage(const ReportData& data) {
          "</h1>\n" + (data.input.empty() ? "" : Soft("From " + data.input)) + Headlines(data) +
          FilmSection(data) + ViewsSection(data) + BudgetSection(data.scores) +
          "<h2>Cameras and points</h2>\n" + ScenePart(data) + "<h2>Training</h2>\n" + CurvePart(data) +
-         StagesSection(data) + PicturesSection(data) + DecisionsSection(data) + CommandsSection(data) +
-         "</main>\n<script>" + kReportScript + "</script>\n</body></html>\n";
+         LeftOutPart(data) + StagesSection(data) + PicturesSection(data) + DecisionsSection(data) +
+         CommandsSection(data) + "</main>\n<script>" + kReportScript + "</script>\n</body></html>\n";
 }
 
 }  // namespace pipeline

@@ -46,7 +46,7 @@ void Evaluate(const CommonOptions& common, const EvaluationOptions& options, con
   const std::unique_ptr<nerf::TrainedField> field = nerf::TrainedField::Load(checkpoint);
   RenderViews(*field, test, stage.folder(), options.threads);
   Scores scores = ScoreViews(test, stage.folder(), options);
-  const io::Scene train = io::ReadTransforms(scene_folder / "transforms_train.json").scene;
+  const io::Scene train = ReadTrainingScene(common.out);
   scores.training_psnr_db = TrainingPsnr(*field, train, options.threads);
   scores.hidden_points = HiddenPoints(*field, train, test, options.threads);
   scores.protocol = ReadSceneRecord(common.out).protocol + (scores.masked ? ", masked" : "");

@@ -37,7 +37,7 @@ void Render(const CommonOptions& common, FilmOptions options, const Options& bou
   RequireTrainedOnThisScene(stage, checkpoint);
   if (stage.IsUpToDate()) return;
   options.photo_side = PhotoSide(common.out / "sfm/transforms.json");
-  const io::Scene train = io::ReadTransforms(transforms).scene;
+  const io::Scene train = ReadTrainingScene(common.out);
   options.memory.Require(nerf::LoadedFieldBytes(checkpoint), "render: the field");
   const Film film = RenderFilm(*nerf::TrainedField::Load(checkpoint), train, options, stage.folder());
   if (!stage.Leads()) return;

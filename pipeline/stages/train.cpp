@@ -17,6 +17,7 @@
 #include "pipeline/stages/torch_program.h"
 #include "pipeline/stages/train_options.h"
 #include "pipeline/stages/train_preset.h"
+#include "pipeline/stages/trained_scene.h"
 #include "pipeline/stages/training_watch.h"
 
 namespace pipeline {
@@ -76,6 +77,12 @@ void TrainStage(int argc, const char* const* argv) {
   const nerf::TrainReport report = train_field(scene, monitored, train, run.folder());
   if (!run.Leads()) return;
   WriteMovedCameras(run.folder() / "cameras.json", report.moved_cameras);
+  std::filesystem::remove_all(run.folder() / "masks");
+  std::filesystem::create_directory(run.folder() / "masks");
+  for (std::size_t i = 0; i < report.masks.size(); ++i) {
+    if (!report.masks[i].used.empty())
+      io::WriteMask(TrainingMaskPath(run.folder(), scene.frames[i]), report.masks[i]);
+  }
   if (!report.derivation.empty()) run.Decide(report.derivation);
   for (const std::string& event : report.events) run.Decide(event);
   run.Decide(

@@ -4,6 +4,7 @@
 
 #include "io/base/error.h"
 #include "io/base/json.h"
+#include "io/scene/transforms.h"
 #include "pipeline/stage/run_record.h"
 
 namespace pipeline {
@@ -42,6 +43,19 @@ void RequireTrainedOnThisScene(const fs::path& run_folder,
     if (trained != inputs.end() && *trained != hash)
       Reject(path, "differs from what train/checkpoint.bin was trained on");
   }
+}
+
+fs::path TrainingMaskPath(const fs::path& train_folder, const io::Frame& frame) {
+  return train_folder / "masks" / (frame.image_path.stem().string() + ".png");
+}
+
+io::Scene ReadTrainingScene(const fs::path& run_folder) {
+  io::Scene scene = io::ReadTransforms(run_folder / "scene/transforms_train.json").scene;
+  for (io::Frame& frame : scene.frames) {
+    const fs::path mask = TrainingMaskPath(run_folder / "train", frame);
+    if (fs::is_regular_file(mask)) frame.mask_path = mask;
+  }
+  return scene;
 }
 
 }  // namespace pipeline

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "io/scene/scene.h"
 #include "pipeline/stage/stage_run.h"
 
 namespace pipeline {
@@ -14,5 +15,11 @@ void RequireTrainedOnThisScene(const StageRun& stage, const std::filesystem::pat
 void RequireTrainedOnThisScene(const std::filesystem::path& run_folder,
                                const std::map<std::string, std::string>& input_hashes,
                                const std::filesystem::path& checkpoint);
+
+// scene/transforms_train.json, with the masks that training made for pictures of its own
+// (nerf/training/transient_masks.h) in place of what they had.
+io::Scene ReadTrainingScene(const std::filesystem::path& run_folder);
+// Where in the stage's folder the mask is that training made for a frame, if it made one.
+std::filesystem::path TrainingMaskPath(const std::filesystem::path& train_folder, const io::Frame& frame);
 
 }  // namespace pipeline

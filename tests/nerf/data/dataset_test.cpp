@@ -156,6 +156,20 @@ TEST(Dataset, WithoutMasksOrWithWhiteOnesEveryPixelIsItsOwnRank) {
   }
 }
 
+TEST(Dataset, UsesThePixelsThatItIsTold) {
+  const MaskedViews views;
+  Dataset dataset = LoadDataset(views.scene, 1);
+  const std::vector<bool> masked = dataset.UsedPixels();
+  dataset.Use({});
+  EXPECT_EQ(dataset.n_used(), 900u);
+  EXPECT_TRUE(dataset.UsedPixels().empty());
+  dataset.Use(masked);
+  EXPECT_EQ(dataset.UsedPixels(), masked);
+  EXPECT_EQ(dataset.n_used(), 227u + 300 + 1);
+  dataset.Use(std::vector<bool>(900, false));
+  EXPECT_EQ(dataset.n_used(), 0u);
+}
+
 TEST(Dataset, NothingIsKnownToBeEmptyWhereAMaskUsesNothing) {
   const TempDir dir;
   const io::Image image = GradedAlpha();

@@ -78,7 +78,7 @@ TEST(CheckpointHeader, ValuesOfAnotherTypeOrSizeOrMissingOnesAreRefused) {
   SceneField scene_field = tests::SmallField();
   scene_field.background = {0.5f, 0.5f, 0.5f};
   scene_field.splats = tests::SomeSplats(3);
-  TrainState state;
+  TrainState state{.transients = {.shown = {0, 1, 1}, .last_look = 150}};
   state.splats.moments = FirstMoments(scene_field.splats);
   WriteCheckpoint(path, &scene_field, state);
 

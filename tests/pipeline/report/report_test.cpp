@@ -8,6 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base/atomic_file.h"
+#include "io/image/mask.h"
+#include "io/scene/transforms.h"
+#include "pipeline/stages/trained_scene.h"
 #include "tests/support/files/sphere_run.h"
 
 namespace {
@@ -53,6 +56,22 @@ TEST(Report, SaysHowMuchTheMasksLeave) {
   const std::string text = html.substr(sentence, html.find('<', sentence) - sentence);
   EXPECT_NE(text.find("17 "), std::string::npos) << text;
   EXPECT_NE(text.find("42 %"), std::string::npos) << text;
+}
+
+TEST(Report, ShowsWhatTrainingLeftOut) {
+  const SphereRun run;
+  ASSERT_EQ(RunReport(run.path()), 0);
+  EXPECT_EQ(io::ReadFile(run.path() / "report.html").find("Left out"), std::string::npos);
+  const io::Scene train = io::ReadTransforms(run.path() / "scene/transforms_train.json").scene;
+  io::Mask mask{.width = train.cameras[0].width, .height = train.cameras[0].height, .used = {}};
+  mask.used.assign(static_cast<std::size_t>(mask.width * mask.height), 255);
+  std::fill_n(mask.used.begin(), 3 * mask.width, 0);
+  fs::create_directories(run.path() / "train/masks");
+  io::WriteMask(pipeline::TrainingMaskPath(run.path() / "train", train.frames[1]), mask);
+  ASSERT_EQ(RunReport(run.path()), 0);
+  const std::string html = io::ReadFile(run.path() / "report.html");
+  EXPECT_NE(html.find("Left out"), std::string::npos);
+  EXPECT_NE(html.find("alt=\"" + train.frames[1].image_path.filename().string()), std::string::npos);
 }
 
 TEST(Report, IsWrittenAgainOnlyWhenSomethingChanged) {

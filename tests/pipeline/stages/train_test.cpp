@@ -1,4 +1,4 @@
-// `pipeline train`: which pictures a target is measured on, and what is written of cameras.
+// `pipeline train`: which pictures a target is measured on, and what is written of cameras and passers-by.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,11 +7,15 @@
 #include "io/base/atomic_file.h"
 #include "io/base/json.h"
 #include "io/base/owned_folder.h"
+#include "io/image/mask.h"
 #include "io/scene/transforms.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/stages/moved_cameras.h"
 #include "pipeline/stages/stages.h"
+#include "pipeline/stages/trained_scene.h"
 #include "tests/support/files/temp_dir.h"
+#include "tests/support/scenes/ball_scene.h"
+#include "tests/support/scenes/passers_by.h"
 #include "tests/support/scenes/sphere_field.h"
 
 namespace {
@@ -79,6 +83,35 @@ TEST_F(TrainTest, CamerasThatMovedAreWritten) {
   EXPECT_EQ(frame["name"], "a.png");
   EXPECT_EQ(frame["moved_px"], 1.5);
   EXPECT_EQ(frame["transform_matrix"], io::Json({{0, -1, 0, 2}, {1, 0, 0, 3}, {0, 0, 1, 4}, {0, 0, 0, 1}}));
+}
+
+TEST_F(TrainTest, WhatOnePictureAloneShowsBecomesMasks) {
+  scene_ = tests::BallScene(out_ / "scene/images", 32, 0, {.behind = tests::Behind::kRoom});
+  tests::PaintPassersBy(scene_);
+  WriteSplit("train", 0, 32);
+  const auto n_masks = [&] {
+    const io::Scene trained = pipeline::ReadTrainingScene(out_);
+    int n = 0;
+    for (std::size_t i = 0; i < trained.frames.size(); ++i) {
+      if (trained.frames[i].mask_path.empty()) continue;
+      EXPECT_EQ(i % 3, 0u);
+      EXPECT_LT(io::ReadMask(trained.frames[i].mask_path, 48, 48).UsedCount(), 48u * 48u - 50u);
+      ++n;
+    }
+    return n;
+  };
+  const std::vector<std::string> flags = {"--steps=170",
+                                          "--no-splats",
+                                          "--batch=8192",
+                                          "--log2-hashmap-size=12",
+                                          "--finest-resolution=64",
+                                          "--grid-resolution=64"};
+  EXPECT_THAT(Decisions(flags), HasSubstr("show what the others do not"));
+  EXPECT_GE(n_masks(), 8);
+  std::vector<std::string> without = flags;
+  without.push_back("--no-find-transients");
+  EXPECT_THAT(Decisions(without), Not(HasSubstr("show what the others do not")));
+  EXPECT_EQ(n_masks(), 0);
 }
 
 }  // namespace
