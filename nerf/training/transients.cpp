@@ -28,8 +28,8 @@ constexpr double kSameDepth = 0.1;
 constexpr float kTouching = 2;
 // What makes suspects a transient: how many they are, as a share of their picture, how much they differ where
 // they differ most, and the correlation of slopes.
-constexpr double kLeastPatchShare = 0.002, kMostCorrelation = 0.35;
-constexpr float kStrongError = 0.25f;
+constexpr double kLeastPatchShare = 0.003, kMostCorrelation = 0.3;
+constexpr float kStrongError = 0.3f;
 // Pixels of the small picture by which gaps in a transient are closed and by which it grows: its edge is
 // blurred by the mean over 3 x 3.
 constexpr int kClose = 2, kGrow = 2;

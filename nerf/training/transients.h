@@ -7,7 +7,7 @@
 // the median of e in views that see the same surface. Suspects that touch are a transient when they are many,
 // differ strongly somewhere, and have a texture of their own:
 //
-//   sum(dP . dR) / sqrt(sum |dP|^2 sum |dR|^2) < 0.35,   dP, dR: slopes of photograph and rendering.
+//   sum(dP . dR) / sqrt(sum |dP|^2 sum |dR|^2) < 0.3,   dP, dR: slopes of photograph and rendering.
 //
 // Shadows and highlights, which move with the camera or the photographer, keep the texture that they lie on.
 #pragma once

@@ -125,7 +125,7 @@ TEST(TransientMasks, KeepThemOutOfATraining) {
       n_found += !report.masks[view].used.empty();
       EXPECT_TRUE(report.masks[view].used.empty() || view % 3 == 0) << view;
     }
-    EXPECT_GE(n_found, find ? 9u : 0u) << "of 11";
+    EXPECT_GE(n_found, find ? 7u : 0u) << "of 11";
   }
   EXPECT_GT(psnr[1], psnr[0] + 2);
 }
