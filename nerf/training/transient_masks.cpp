@@ -30,7 +30,7 @@ TransientMasks::TransientMasks(const io::Scene& scene,
 }
 
 void TransientMasks::BeforeStep(const FieldFit& field) {
-  if (state_->shown != applied_) Apply();  // training began anew
+  if (state_->last_look != applied_look_) Apply();  // training began anew
   const bool is_over = state_->last_look > kFirstLook && state_->shown.empty();
   if (is_over || n_steps_ < std::max(kFirstLook, kGrowth * state_->last_look)) return;
   state_->shown =
@@ -43,22 +43,23 @@ void TransientMasks::BeforeStep(const FieldFit& field) {
 }
 
 void TransientMasks::Apply() {
-  applied_ = state_->shown;
+  const std::vector<std::uint8_t>& shown = state_->shown;
+  applied_look_ = state_->last_look;
   std::vector<bool> used = used_;
-  if (!applied_.empty() && used.empty()) used.assign(dataset_->n_pixels(), true);
+  if (!shown.empty() && used.empty()) used.assign(dataset_->n_pixels(), true);
   std::size_t first = 0;  // of the view's small picture
-  for (std::size_t v = 0; v < dataset_->views.size() && !applied_.empty(); ++v) {
+  for (std::size_t v = 0; v < dataset_->views.size() && !shown.empty(); ++v) {
     const View& view = dataset_->views[v];
     const io::Camera small = TransientCamera(scene_, v);
     const std::size_t end = first + static_cast<std::size_t>(small.width * small.height);
-    if (end > applied_.size())
+    if (end > shown.size())
       throw io::Error(io::ExitCode::kBadState,
                       "checkpoint.bin: its transients are those of other pictures",
                       "Delete it and train again");
     for (int y = 0; y < view.height; ++y) {
       for (int x = 0; x < view.width; ++x) {
         const int in_small = y * small.height / view.height * small.width + x * small.width / view.width;
-        if (applied_[first + static_cast<std::size_t>(in_small)] == 1)
+        if (shown[first + static_cast<std::size_t>(in_small)] == 1)
           used[view.first_pixel + static_cast<std::size_t>(y * view.width + x)] = false;
       }
     }
@@ -76,12 +77,12 @@ double TransientMasks::ShareLeftOut() const {
 }
 
 std::vector<io::Mask> TransientMasks::Masks() const {
-  std::vector<io::Mask> masks(applied_.empty() ? 0 : dataset_->views.size());
+  std::vector<io::Mask> masks(state_->shown.empty() ? 0 : dataset_->views.size());
   const std::vector<bool> used = dataset_->UsedPixels();
   std::size_t first = 0;
   for (std::size_t v = 0; v < masks.size(); ++v) {
     const io::Camera small = TransientCamera(scene_, v);
-    const auto begin = applied_.begin() + static_cast<std::ptrdiff_t>(first),
+    const auto begin = state_->shown.begin() + static_cast<std::ptrdiff_t>(first),
                end = begin + small.width * small.height;
     first += static_cast<std::size_t>(small.width * small.height);
     if (std::find(begin, end, 1) == end) continue;
@@ -95,7 +96,7 @@ std::vector<io::Mask> TransientMasks::Masks() const {
 }
 
 std::string TransientMasks::Describe() const {
-  if (applied_.empty()) return "";
+  if (state_->shown.empty()) return "";
   const std::vector<io::Mask> masks = Masks();
   const auto n =
       std::count_if(masks.begin(), masks.end(), [](const io::Mask& mask) { return !mask.used.empty(); });

@@ -38,7 +38,7 @@ class TransientMasks {
   const std::size_t n_used_;               // without transients left out, ...
   const std::vector<bool> used_;           // ... as are which those are and ...
   const std::vector<SparseDepth> depths_;  // ... the depths
-  std::vector<std::uint8_t> applied_;      // what of TransientState::shown the dataset leaves out
+  std::uint64_t applied_look_ = 0;         // TransientState::last_look of what the dataset leaves out
 };
 
 }  // namespace nerf

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -109,16 +110,22 @@ SmallView Render(const Dataset& dataset,
   return small;
 }
 
-// e of the surface at `point` in other views of the same surface, those that were taken next first.
+// A step through n views in a circle that meets each once, and any few of them far from one another.
+std::size_t SpreadStride(std::size_t n) {
+  auto stride = static_cast<std::size_t>(0.618 * static_cast<double>(n));
+  while (std::gcd(stride, n) != 1) ++stride;
+  return stride;
+}
+
+// e of the surface at `point` in other views of the same surface. They are taken from all of the capture:
+// those of a video that were taken next may show the same passer-by.
 std::vector<float> ErrorsOfOthers(const std::vector<SmallView>& views,
                                   std::size_t own,
                                   const Eigen::Vector3d& point) {
   std::vector<float> errors;
-  const auto n = static_cast<std::ptrdiff_t>(views.size());
-  for (std::ptrdiff_t step = 2; step < 2 * n && errors.size() < kMostOthers; ++step) {
-    const std::ptrdiff_t index = static_cast<std::ptrdiff_t>(own) + (step % 2 == 0 ? step / 2 : -(step / 2));
-    if (index < 0 || index >= n) continue;
-    const SmallView& view = views[static_cast<std::size_t>(index)];
+  const std::size_t n = views.size(), stride = SpreadStride(n);
+  for (std::size_t k = 1; k < n && errors.size() < kMostOthers; ++k) {
+    const SmallView& view = views[(own + k * stride) % n];
     const Eigen::Vector3d in_cam = view.pose.cam_from_world * point;
     const auto xy = io::ImgFromCam(view.pose.camera, in_cam);
     if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < view.depth.cols && xy->y() < view.depth.rows))

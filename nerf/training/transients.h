@@ -2,10 +2,10 @@
 // explains them by floaters before the picture's camera, which other views meet.
 //
 // Soon after training has begun, a field shows what stands behind them, for most pictures agree on that. In a
-// small rendering of each training view, e(p) is the length of the difference from the photograph, a mean
-// over 3 x 3 pixels and without the picture's own tint. A pixel is suspect where e is large and a multiple of
-// the median of e in views that see the same surface. Suspects that touch are a transient when they are many,
-// differ strongly somewhere, and have a texture of their own:
+// small rendering of each training view, e is the difference from the photograph: of each channel the mean
+// over 3 x 3 pixels, without the picture's own tint; of these the root mean square. A pixel is suspect where
+// e is large and a multiple of its median in views that see the same surface. Suspects that touch are a
+// transient when they are many, differ strongly somewhere, and have a texture of their own:
 //
 //   sum(dP . dR) / sqrt(sum |dP|^2 sum |dR|^2) < 0.3,   dP, dR: slopes of photograph and rendering.
 //
