@@ -31,9 +31,8 @@ constexpr float kTouching = 2;
 // they differ most, and the correlation of slopes.
 constexpr double kLeastPatchShare = 0.003, kMostCorrelation = 0.3;
 constexpr float kStrongError = 0.3f;
-// Pixels of the small picture by which gaps in a transient are closed and by which it grows: its edge is
-// blurred by the mean over 3 x 3.
-constexpr int kClose = 2, kGrow = 2;
+// Pixels of the small picture by which gaps in a transient are closed.
+constexpr int kClose = 2;
 // Scene units; rays without a surface meet there.
 constexpr float kFarAway = 1e6f;
 // Every so many pixels tell what is usual.
@@ -201,8 +200,8 @@ void Join(const cv::Mat1b& different, cv::Mat1b* transients) {
     transients->ptr()[i] = holds[static_cast<std::size_t>(label.ptr<int>()[i])] ? 1 : 0;
 }
 
-// Without gaps and holes, whose colours happen to be those behind, and a little larger.
-void Complete(cv::Mat1b* transients) {
+// Without gaps and holes, whose colours happen to be those behind, and with a margin.
+void Complete(int margin, cv::Mat1b* transients) {
   const auto disc = [](int radius) {
     return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * radius + 1, 2 * radius + 1});
   };
@@ -210,11 +209,11 @@ void Complete(cv::Mat1b* transients) {
   std::vector<std::vector<cv::Point>> outlines;
   cv::findContours(*transients, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
   cv::drawContours(*transients, outlines, -1, 1, cv::FILLED);
-  cv::dilate(*transients, *transients, disc(kGrow));
+  cv::dilate(*transients, *transients, disc(margin));
 }
 
 // 1: shows a transient.
-cv::Mat1b TransientsAmong(const cv::Mat1b& suspects, float least_error, const SmallView& view) {
+cv::Mat1b TransientsAmong(const cv::Mat1b& suspects, float least_error, int margin, const SmallView& view) {
   cv::Mat1b closed;
   cv::morphologyEx(suspects, closed, cv::MORPH_CLOSE, cv::Mat1b::ones(3, 3));
   cv::Mat1i label;
@@ -240,7 +239,7 @@ cv::Mat1b TransientsAmong(const cv::Mat1b& suspects, float least_error, const Sm
     }
   }
   Join(view.error >= kTouching * least_error, &found);
-  Complete(&found);
+  Complete(margin, &found);
   return found;
 }
 
@@ -267,6 +266,7 @@ std::vector<std::uint8_t> FindTransients(const io::Scene& scene,
                                          const std::vector<io::Rigid3d>& world_from_cam,
                                          const Dataset& dataset,
                                          const std::vector<bool>& used,
+                                         int margin,
                                          const SceneField& scene_field,
                                          io::Workers* workers) {
   std::vector<SmallView> views;
@@ -280,7 +280,7 @@ std::vector<std::uint8_t> FindTransients(const io::Scene& scene,
   workers->Run(static_cast<int>(views.size()), [&](int index, int) {
     const auto v = static_cast<std::size_t>(index);
     const cv::Mat1b suspects = Suspects(views, v, least_error, scene_field.field->pixel_offset());
-    found[v] = TransientsAmong(suspects, least_error, views[v]);
+    found[v] = TransientsAmong(suspects, least_error, margin, views[v]);
   });
   std::vector<std::uint8_t> shown;
   for (const cv::Mat1b& transients : found) shown.insert(shown.end(), transients.begin(), transients.end());

@@ -27,11 +27,13 @@ io::Camera TransientCamera(const io::Scene& scene, std::size_t view);
 
 // Of the small pictures of all views, one after the other by rows, 1 where a transient is; empty where there
 // is none at all. Of RGB pictures. world_from_cam: of the frames of `scene`, as training has moved them.
-// used: of the pixels, empty for all; what is not used is neither suspect nor asked. Throws io::Interrupted.
+// used: of the pixels, empty for all; what is not used is neither suspect nor asked. margin: pixels of the
+// small pictures by which a transient is made larger, 2 or more: e blurs its edge. Throws io::Interrupted.
 std::vector<std::uint8_t> FindTransients(const io::Scene& scene,
                                          const std::vector<io::Rigid3d>& world_from_cam,
                                          const Dataset& dataset,
                                          const std::vector<bool>& used,
+                                         int margin,
                                          const SceneField& scene_field,
                                          io::Workers* workers);
 

@@ -51,7 +51,7 @@ class Transients : public testing::Test {
   std::uint8_t* Picture(std::size_t view) { return &dataset_.pixels[3 * dataset_.views[view].first_pixel]; }
   std::vector<std::uint8_t> Find(const std::vector<bool>& used = {}, int threads = 2) {
     io::Workers workers(threads);
-    return FindTransients(scene_, PosesOf(scene_), dataset_, used, *scene_field_, &workers);
+    return FindTransients(scene_, PosesOf(scene_), dataset_, used, 2, *scene_field_, &workers);
   }
 
   static inline std::unique_ptr<TempDir> dir_;
