@@ -11,8 +11,8 @@ namespace {
 
 // Pixels that a transient is made larger by: until so many steps more, for the field may have learnt a part
 // of it, which shows once nothing around holds it.
-constexpr int kMargin = 2, kFirstMargin = 5;
-constexpr std::uint64_t kFirstSteps = 1000;
+constexpr int kLastMargin = 2, kFirstMargin = 5;
+constexpr std::uint64_t kFirstMarginSteps = 1000;
 // More than this share of the pixels is no passer-by: the field does not show the scene.
 constexpr double kMostLeftOut = 0.3;
 
@@ -37,7 +37,7 @@ void TransientMasks::BeforeStep(const FieldFit& field) {
   if (state_->last_look != applied_look_) Apply();  // training began anew
   const bool is_over = state_->last_look > kFirstLook && state_->shown.empty();
   if (is_over || n_steps_ < std::max(kFirstLook, kGrowth * state_->last_look)) return;
-  const int margin = n_steps_ < kFirstSteps ? kFirstMargin : kMargin;
+  const int margin = n_steps_ < kFirstMarginSteps ? kFirstMargin : kLastMargin;
   state_->shown =
       FindTransients(scene_, field.WorldFromCam(), *dataset_, used_, margin, *field.scene_field(), workers_);
   state_->last_look = n_steps_;
