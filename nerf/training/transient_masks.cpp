@@ -15,6 +15,8 @@ constexpr int kLastMargin = 2, kFirstMargin = 5;
 constexpr std::uint64_t kFirstMarginSteps = 1000;
 // More than this share of the pixels is no passer-by: the field does not show the scene.
 constexpr double kMostLeftOut = 0.3;
+// Less is not worth further looks.
+constexpr double kFewLeftOut = 0.003;
 
 }  // namespace
 
@@ -35,7 +37,7 @@ TransientMasks::TransientMasks(const io::Scene& scene,
 
 void TransientMasks::BeforeStep(const FieldFit& field) {
   if (state_->last_look != applied_look_) Apply();  // training began anew
-  const bool is_over = state_->last_look > kFirstLook && state_->shown.empty();
+  const bool is_over = state_->last_look > kFirstLook && ShareLeftOut() < kFewLeftOut;
   if (is_over || n_steps_ < std::max(kFirstLook, kGrowth * state_->last_look)) return;
   const int margin = n_steps_ < kFirstMarginSteps ? kFirstMargin : kLastMargin;
   state_->shown =

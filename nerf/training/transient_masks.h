@@ -16,7 +16,8 @@ class TransientMasks {
   TransientMasks(const io::Scene& scene, Dataset* dataset, TrainState* state, io::Workers* workers);
 
   // Before a step of the field. Looks after kFirstLook steps, and again whenever the steps are kGrowth times
-  // as many; no more once a later look has found nothing. Soon, for a field learns what it often meets.
+  // as many; no more once a later look has found almost nothing. Soon, for a field learns what it often
+  // meets.
   void BeforeStep(const FieldFit& field);
 
   // Of each view that shows transients, its used pixels; empty for the others, and where none is used.

@@ -53,7 +53,7 @@ ExportedScene LoadExportedScene(const fs::path& run_folder,
   scene.folder = run / "scene";
   scene.threads = threads;
   const fs::path checkpoint = with_field ? RequireTrainedField(run) : fs::path();
-  scene.train = io::ReadTransforms(train).scene;
+  scene.train = with_field ? ReadTrainingScene(run) : io::ReadTransforms(train).scene;
   if (fs::is_regular_file(test)) scene.test = io::ReadTransforms(test).scene;
   scene.target = MakeTargetFrame(frame, scene.train.scene_from_sfm);
   if (with_field) {

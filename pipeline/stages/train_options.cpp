@@ -73,9 +73,10 @@ void AddTrainOptions(Options* options, TrainFlags* flags) {
   options->Add("refine-cameras",
                &train.refine_cameras,
                "hash, photographs: move the poses that their own pictures pull at");
-  options->Add("find-transients",
-               &train.find_transients,
-               "hash, photographs: leave out what one picture shows and the others do not, such as passers-by");
+  options->Add(
+      "find-transients",
+      &train.find_transients,
+      "hash, photographs: leave out what one picture shows and the others do not, such as passers-by");
   options->Add("splats",
                &train.splats,
                "hash, photographs: fit Gaussian splats in the second half of the budget, and mix them into "
