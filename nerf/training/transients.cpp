@@ -33,8 +33,6 @@ constexpr double kLeastPatchShare = 0.003, kMostCorrelation = 0.3;
 constexpr float kStrongError = 0.3f;
 // Pixels of the small picture by which gaps in a transient are closed.
 constexpr int kClose = 2;
-// Scene units; rays without a surface meet there.
-constexpr float kFarAway = 1e6f;
 // Every so many pixels tell what is usual.
 constexpr std::size_t kUsualStride = 7;
 
@@ -47,7 +45,7 @@ struct SmallView {
   SmallPose pose;
   cv::Mat3b photo, rendering;
   cv::Mat1f error;  // e
-  cv::Mat1f depth;  // at most kFarAway; NaN where the picture is not used
+  cv::Mat1f depth;  // of the surface; infinite where there is none, and where the picture is not used
 };
 
 cv::Mat3b SmallPhoto(const Dataset& dataset, const View& view, const cv::Size& size) {
@@ -95,7 +93,7 @@ SmallView Render(const Dataset& dataset,
       const float level = rays[i].rgb[c] + rays[i].transmittance * background[c];
       colour[static_cast<int>(c)] = cv::saturate_cast<std::uint8_t>(255 * level);
     }
-    small.depth(pixels[i].y, pixels[i].x) = std::min(rays[i].median_depth, kFarAway);
+    small.depth(pixels[i].y, pixels[i].x) = rays[i].median_depth;
   }
   small.error = ErrorOf(small.photo, small.rendering);
   for (int y = 0; y < size.height && !used.empty(); ++y) {
@@ -103,7 +101,7 @@ SmallView Render(const Dataset& dataset,
       const auto column = static_cast<std::size_t>((x * view.width) / size.width),
                  row = static_cast<std::size_t>((y * view.height) / size.height);
       if (!used[view.first_pixel + row * static_cast<std::size_t>(view.width) + column])
-        small.depth(y, x) = std::numeric_limits<float>::quiet_NaN();
+        small.depth(y, x) = std::numeric_limits<float>::infinity();
     }
   }
   return small;
@@ -147,7 +145,7 @@ cv::Mat1b Suspects(const std::vector<SmallView>& views,
   for (int y = 0; y < suspects.rows; ++y) {
     for (int x = 0; x < suspects.cols; ++x) {
       const float error = view.error(y, x);
-      if (error < least_error || std::isnan(view.depth(y, x))) continue;
+      if (error < least_error || !std::isfinite(view.depth(y, x))) continue;
       const Ray ray = ray_camera.RayThrough(x, y);
       Eigen::Vector3d point;
       for (int k = 0; k < 3; ++k) point[k] = ray.origin[k] + view.depth(y, x) * ray.direction[k];
@@ -248,7 +246,7 @@ float LeastError(const std::vector<SmallView>& views) {
   std::vector<float> errors;
   for (const SmallView& view : views) {
     for (std::size_t i = 0; i < view.error.total(); i += kUsualStride) {
-      if (!std::isnan(view.depth.ptr<float>()[i])) errors.push_back(view.error.ptr<float>()[i]);
+      if (std::isfinite(view.depth.ptr<float>()[i])) errors.push_back(view.error.ptr<float>()[i]);
     }
   }
   return errors.empty() ? kSuspectError : std::max(kSuspectError, kOverUsual * io::Median(std::move(errors)));

@@ -10,6 +10,7 @@
 //   sum(dP . dR) / sqrt(sum |dP|^2 sum |dR|^2) < 0.3,   dP, dR: slopes of photograph and rendering.
 //
 // Shadows and highlights, which move with the camera or the photographer, keep the texture that they lie on.
+// Before the sky nothing is suspect: other views see it beside a roof that the field has not learnt yet.
 #pragma once
 
 #include <cstdint>
