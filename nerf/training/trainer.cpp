@@ -136,10 +136,11 @@ void Trainer::Begin() {
   const bool is_long = options_.steps > 0 || budget_s_ >= kShortestWithSplatsS;
   plans_splats_ = options_.splats && SplatFit::Suits(dataset_, options_.field.kind) && is_long;
   if (plans_splats_) options_.time_s *= kFieldShare;
+  field_.emplace(scene_, options_, std::move(scene_field), &dataset_, &state_, &report_, &workers_);
+  // After the field, which takes its constants from all pixels, resumed or not.
   if (options_.find_transients && dataset_.channels == 3 && options_.field.kind == FieldKind::kHash &&
       is_long)
     transients_.emplace(scene_, &dataset_, &state_, &workers_);
-  field_.emplace(scene_, options_, std::move(scene_field), &dataset_, &state_, &report_, &workers_);
   clock_.Resume(state_.elapsed_s);
   if (ranks_.IsFirst())
     clock_.Exclude([&] { monitor_.emplace(heldout_, options_.threads, options_.field.PixelOffset()); });

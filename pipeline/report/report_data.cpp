@@ -147,13 +147,14 @@ void GatherScores(const fs::path& run_folder, ReportData* data) {
 std::vector<LeftOut> GatherLeftOut(const fs::path& run_folder) {
   const fs::path transforms = run_folder / "scene/transforms_train.json";
   if (!fs::is_directory(run_folder / "train/masks") || !fs::is_regular_file(transforms)) return {};
+  io::Scene scene = io::ReadTransforms(transforms).scene;
   std::vector<LeftOut> left_out;
-  for (const io::Frame& frame : io::ReadTransforms(transforms).scene.frames) {
-    const fs::path path = TrainingMaskPath(run_folder / "train", frame);
-    if (!fs::is_regular_file(path)) continue;
-    const io::Mask mask = io::MaskFromImage(io::ReadImage(path));
+  for (io::Frame& frame : scene.frames) {
+    frame.mask_path = TrainingMaskPath(run_folder / "train", frame);
+    if (!fs::is_regular_file(frame.mask_path)) continue;
+    const io::Mask mask = io::MaskFromImage(io::ReadImage(frame.mask_path));
     const double used = static_cast<double>(mask.UsedCount()) / static_cast<double>(mask.used.size());
-    left_out.push_back({frame.image_path, path, 1 - used});
+    left_out.push_back({frame, 1 - used});
   }
   std::stable_sort(
       left_out.begin(), left_out.end(), [](const LeftOut& a, const LeftOut& b) { return a.share > b.share; });

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/scene/scene.h"
 #include "nerf/training/training_curve.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/evaluation/scores.h"
@@ -34,7 +35,7 @@ struct ComparedView {
 
 // A training picture that shows what the others do not.
 struct LeftOut {
-  std::filesystem::path picture, mask;
+  io::Frame frame;   // with the mask of what training used
   double share = 0;  // of its pixels, that training left out
 };
 

@@ -240,10 +240,9 @@ std::string LeftOutPart(const ReportData& data) {
                        data.left_out.size()));
   html += "<div class=\"columns\">";
   for (std::size_t i = 0; i < std::min(data.left_out.size(), kShownLeftOut); ++i) {
-    const LeftOut& left_out = data.left_out[i];
-    const io::Image picture = io::ReadImage(left_out.picture);
-    const io::Mask mask = io::ReadMask(left_out.mask, picture.width, picture.height);
-    html += PictureElement(DarkenUnused(picture, mask), EscapeHtml(left_out.picture.filename().string()));
+    const io::Frame& frame = data.left_out[i].frame;
+    const auto [picture, mask] = ReadTruth(frame);
+    html += PictureElement(DarkenUnused(picture, mask), EscapeHtml(frame.image_path.filename().string()));
   }
   return html + "</div>\n";
 }

@@ -147,8 +147,8 @@ TEST(TransientMasks, ThreadsAndInterruptionsDoNotMatter) {
     std::optional<FieldFit> fit;
     const auto begin = [&](std::unique_ptr<SceneField> field) {
       dataset = LoadDataset(scene, threads);
-      masks.emplace(scene, &dataset, &state, &workers);
       fit.emplace(scene, options, std::move(field), &dataset, &state, &report, &workers);
+      masks.emplace(scene, &dataset, &state, &workers);
     };
     begin(nullptr);
     while (state.step < kSteps) {
