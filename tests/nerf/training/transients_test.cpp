@@ -33,6 +33,7 @@ TrainOptions RoomOptions(int steps) {
 }
 
 constexpr tests::PasserBy kWalker{14, 10, 10, 26};
+constexpr int kWalkerPixels = kWalker.width * kWalker.height;
 
 // A field that was trained on pictures without passers-by.
 class Transients : public testing::Test {
@@ -49,9 +50,32 @@ class Transients : public testing::Test {
   }
 
   std::uint8_t* Picture(std::size_t view) { return &dataset_.pixels[3 * dataset_.views[view].first_pixel]; }
+  void Brighten(std::size_t view) {
+    for (int i = 0; i < 3 * kSide * kSide; ++i)
+      Picture(view)[i] = static_cast<std::uint8_t>(std::min(255, Picture(view)[i] + 25));
+  }
   std::vector<std::uint8_t> Find(const std::vector<bool>& used = {}, int threads = 2) {
     io::Workers workers(threads);
     return FindTransients(scene_, PosesOf(scene_), dataset_, used, 2, *scene_field_, &workers);
+  }
+
+  // Of the pixels that were found in a view, those of kWalker and those farther away than its margin.
+  struct Found {
+    int walker = 0, beside = 0;
+  };
+  Found CountIn(const std::vector<std::uint8_t>& shown, std::size_t view) const {
+    EXPECT_EQ(shown.size(), dataset_.n_pixels());
+    const tests::PasserBy around{kWalker.x - 4, kWalker.y - 4, kWalker.width + 8, kWalker.height + 8};
+    Found found;
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        if (shown.at(dataset_.views[view].first_pixel + static_cast<std::size_t>(y * kSide + x)) != 1)
+          continue;
+        found.walker += kWalker.Covers(x, y);
+        found.beside += !around.Covers(x, y);
+      }
+    }
+    return found;
   }
 
   static inline std::unique_ptr<TempDir> dir_;
@@ -67,22 +91,27 @@ TEST_F(Transients, AreFoundWhereTheyAreAndNowhereElse) {
   ASSERT_EQ(TransientCamera(scene_, 0).width, kSide) << "small pictures are no larger than the pictures";
   for (const std::size_t view : {3u, 4u, 17u}) Paint(kWalker, kSide, 3, Picture(view));
   const std::vector<std::uint8_t> shown = Find();
-  ASSERT_EQ(shown.size(), dataset_.n_pixels());
-  const tests::PasserBy around{kWalker.x - 4, kWalker.y - 4, kWalker.width + 8, kWalker.height + 8};
   for (std::size_t view = 0; view < kViews; ++view) {
-    int found = 0, beside = 0;
-    for (int y = 0; y < kSide; ++y) {
-      for (int x = 0; x < kSide; ++x) {
-        const int pixel = shown[dataset_.views[view].first_pixel + static_cast<std::size_t>(y * kSide + x)];
-        found += pixel == 1 && kWalker.Covers(x, y);
-        beside += pixel == 1 && !around.Covers(x, y);
-      }
-    }
     const bool has_walker = view == 3 || view == 4 || view == 17;
-    EXPECT_EQ(found, has_walker ? kWalker.width * kWalker.height : 0) << view;
-    EXPECT_EQ(beside, 0) << view;
+    EXPECT_EQ(CountIn(shown, view).walker, has_walker ? kWalkerPixels : 0) << view;
+    EXPECT_EQ(CountIn(shown, view).beside, 0) << view;
   }
   EXPECT_EQ(Find({}, 1), shown) << "threads do not matter";
+}
+
+TEST_F(Transients, AreFoundInATintedPicture) {
+  Brighten(9);
+  Paint(kWalker, kSide, 3, Picture(9));
+  const std::vector<std::uint8_t> shown = Find();
+  EXPECT_EQ(CountIn(shown, 9).walker, kWalkerPixels);
+  EXPECT_EQ(CountIn(shown, 9).beside, 0);
+}
+
+// Below row 30 all the other views show something else as well.
+TEST_F(Transients, GoOnWhereOtherViewsDecideNothing) {
+  for (std::size_t view = 0; view < kViews; ++view)
+    Paint(view == 3 ? kWalker : tests::PasserBy{0, 30, kSide, kSide - 30}, kSide, 3, Picture(view));
+  EXPECT_EQ(CountIn(Find(), 3).walker, kWalkerPixels);
 }
 
 TEST_F(Transients, AreNoShadowsNorTints) {
@@ -91,8 +120,7 @@ TEST_F(Transients, AreNoShadowsNorTints) {
     for (int c = 0; c < 3; ++c)
       Picture(5)[3 * pixel + c] = static_cast<std::uint8_t>(Picture(5)[3 * pixel + c] / 2);
   }
-  for (int i = 0; i < 3 * kSide * kSide; ++i)
-    Picture(9)[i] = static_cast<std::uint8_t>(std::min(255, Picture(9)[i] + 60));
+  Brighten(9);
   EXPECT_TRUE(Find().empty());
 }
 
@@ -104,6 +132,27 @@ TEST_F(Transients, AreNotLookedForWherePicturesAreNotUsed) {
       used[dataset_.views[3].first_pixel + static_cast<std::size_t>(y * kSide + x)] = !kWalker.Covers(x, y);
   }
   EXPECT_TRUE(Find(used).empty());
+}
+
+TEST_F(Transients, AreLookedForUntilThereIsAlmostNothing) {
+  const TrainOptions options = RoomOptions(400);
+  io::Workers workers(2);
+  TrainReport report;
+  FieldFit fit(scene_, options, std::move(scene_field_), &dataset_, &state_, &report, &workers);
+  const auto looks = [&] {
+    TransientMasks masks(scene_, &dataset_, &state_, &workers);
+    std::vector<std::uint64_t> looked;
+    for (state_.step = 0; state_.step < 2000; ++state_.step) {
+      masks.BeforeStep(fit);
+      const std::uint64_t last = state_.transients.last_look;
+      if (last > 0 && (looked.empty() || looked.back() != last)) looked.push_back(last);
+    }
+    state_.transients = {};
+    return looked;
+  };
+  EXPECT_EQ(looks(), (std::vector<std::uint64_t>{150, 450}));
+  Paint(kWalker, kSide, 3, Picture(3));
+  EXPECT_EQ(looks(), (std::vector<std::uint64_t>{150, 450, 1350}));
 }
 
 TEST(TransientMasks, KeepThemOutOfATraining) {
@@ -168,6 +217,31 @@ TEST(TransientMasks, ThreadsAndInterruptionsDoNotMatter) {
   EXPECT_EQ(states[0].transients.shown, states[1].transients.shown);
   EXPECT_EQ(states[0].squared_error, states[1].squared_error);
   EXPECT_EQ(densities[0], densities[1]);
+}
+
+TEST(TransientMasks, LeaveOutPixelsAndTheirSparseDepths) {
+  const TempDir dir;
+  const io::Scene scene = tests::BallScene(dir.path(), 3, 0, kRoom);
+  Dataset dataset = LoadDataset(scene, 1);
+  dataset.depths = {{.view = 1, .point = 0, .x = 20.5f, .y = 20.5f, .t = 4},
+                    {.view = 1, .point = 1, .x = 40.5f, .y = 20.5f, .t = 4},
+                    {.view = 2, .point = 0, .x = 20.5f, .y = 20.5f, .t = 4}};
+  io::Workers workers(1);
+  TrainState state;
+  state.transients = {.shown = std::vector<std::uint8_t>(dataset.n_pixels(), 0), .last_look = 150};
+  for (std::size_t i = 0; i < kSide * kSide; ++i) {
+    const int x = static_cast<int>(i) % kSide, y = static_cast<int>(i) / kSide;
+    state.transients.shown[dataset.views[1].first_pixel + i] = kWalker.Covers(x, y) ? 1 : 0;
+  }
+  const TransientMasks masks(scene, &dataset, &state, &workers);
+  EXPECT_EQ(dataset.n_used(), dataset.n_pixels() - kWalkerPixels);
+  ASSERT_EQ(dataset.depths.size(), 2u);
+  EXPECT_EQ(dataset.depths[0].point, 1u);
+  EXPECT_EQ(dataset.depths[1].view, 2u);
+  ASSERT_EQ(masks.Masks().size(), 3u);
+  EXPECT_TRUE(masks.Masks()[0].used.empty());
+  EXPECT_EQ(masks.Masks()[1].UsedCount(), static_cast<std::size_t>(kSide * kSide - kWalkerPixels));
+  EXPECT_NE(masks.Describe().find("1 of 3"), std::string::npos) << masks.Describe();
 }
 
 TEST(TransientMasks, OfOtherPicturesAreRefused) {
