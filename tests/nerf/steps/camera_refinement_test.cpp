@@ -13,6 +13,7 @@
 #include "nerf/training/trainer.h"
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/scenes/ball_scene.h"
+#include "tests/support/scenes/small_training.h"
 
 namespace nerf {
 namespace {
@@ -177,17 +178,6 @@ io::Scene WrongScene(const io::Scene& right) {
   return scene;
 }
 
-TrainOptions Options(int steps) {
-  TrainOptions options;
-  options.steps = steps;
-  options.threads = 2;
-  options.samples_per_step = 8192;
-  options.field.log2_hashmap_size = 12;
-  options.field.finest_resolution = 64;
-  options.field.grid_resolution = 64;
-  return options;
-}
-
 double RotationError(const io::Rigid3d& a, const io::Rigid3d& b) {
   return Eigen::AngleAxisd(a.rotation.transpose() * b.rotation).angle();
 }
@@ -197,7 +187,7 @@ TEST(CameraRefinement, WrongPosesAreMendedAndRightOnesHardlyMove) {
   const io::Scene right = tests::BallScene(dir.path(), 32, 0, {.behind = Behind::kRoom}),
                   heldout = tests::BallScene(dir.path(), 4, 0.37, {.behind = Behind::kRoom});
   const io::Scene wrong = WrongScene(right);
-  TrainOptions options = Options(700);
+  TrainOptions options = tests::SmallTraining(700);
   const auto train = [&](const io::Scene& scene, bool refine) {
     options.refine_cameras = refine;
     const auto folder = dir.path() / "run";
@@ -225,7 +215,7 @@ TEST(CameraRefinement, WrongPosesAreMendedAndRightOnesHardlyMove) {
 TEST(CameraRefinement, ResumeContinuesBitForBit) {
   const TempDir dir;
   const io::Scene scene = WrongScene(tests::BallScene(dir.path(), 32, 0, {.behind = Behind::kRoom}));
-  TrainOptions options = Options(0);
+  TrainOptions options = tests::SmallTraining(0);
   // From step 200 on, independent of the number of steps.
   options.schedule =
       TrainingSchedule{.entry_moments = true, .hold = 1, .first_step_scale = 1, .samples_per_pixel_from = 1};

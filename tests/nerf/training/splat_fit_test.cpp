@@ -20,19 +20,14 @@
 #include "nerf/training/trainer.h"
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/scenes/ball_scene.h"
+#include "tests/support/scenes/small_training.h"
 
 namespace nerf {
 namespace {
 
 TrainOptions FitOptions(int steps, bool splats = true) {
-  TrainOptions options;
-  options.steps = steps;
+  TrainOptions options = tests::SmallTraining(steps);
   options.splats = splats;
-  options.samples_per_step = 8192;
-  options.threads = 2;
-  options.field.log2_hashmap_size = 12;
-  options.field.finest_resolution = 64;
-  options.field.grid_resolution = 64;
   return options;
 }
 

@@ -13,6 +13,7 @@
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/scenes/ball_scene.h"
 #include "tests/support/scenes/passers_by.h"
+#include "tests/support/scenes/small_training.h"
 
 namespace nerf {
 namespace {
@@ -21,14 +22,8 @@ constexpr int kSide = 48, kViews = 32;
 constexpr tests::BallSceneOptions kRoom{.size = kSide, .behind = tests::Behind::kRoom};
 
 TrainOptions RoomOptions(int steps) {
-  TrainOptions options;
-  options.steps = steps;
+  TrainOptions options = tests::SmallTraining(steps);
   options.splats = false;
-  options.samples_per_step = 8192;
-  options.threads = 2;
-  options.field.log2_hashmap_size = 12;
-  options.field.finest_resolution = 64;
-  options.field.grid_resolution = 64;
   return options;
 }
 
@@ -153,6 +148,35 @@ TEST_F(Transients, AreLookedForUntilThereIsAlmostNothing) {
   EXPECT_EQ(looks(), (std::vector<std::uint64_t>{150, 450}));
   Paint(kWalker, kSide, 3, Picture(3));
   EXPECT_EQ(looks(), (std::vector<std::uint64_t>{150, 450, 1350}));
+}
+
+// Every second view shows one, and little else is used.
+TEST_F(Transients, AreNotLeftOutWhereLittleElseWouldBeLeft) {
+  std::vector<bool> used;
+  for (std::size_t view = 0; view < kViews; ++view) {
+    const bool has_walker = view % 2 == 0;
+    if (has_walker) Paint(kWalker, kSide, 3, Picture(view));
+    const tests::PasserBy kept =
+        has_walker ? tests::PasserBy{9, 5, 20, 36} : tests::PasserBy{9, 0, 24, kSide};
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) used.push_back(kept.Covers(x, y));
+    }
+  }
+  const std::vector<std::uint8_t> shown = Find(used);
+  const auto n_kept = std::count(used.begin(), used.end(), true);
+  ASSERT_GT(std::count(shown.begin(), shown.end(), 1), 0.15 * static_cast<double>(n_kept));
+
+  const TrainOptions options = RoomOptions(400);
+  io::Workers workers(2);
+  TrainReport report;
+  dataset_.Use(used);
+  FieldFit fit(scene_, options, std::move(scene_field_), &dataset_, &state_, &report, &workers);
+  TransientMasks masks(scene_, &dataset_, &state_, &workers);
+  state_.step = TransientMasks::kFirstLook;  // with a wide margin
+  masks.BeforeStep(fit);
+  EXPECT_EQ(state_.transients.last_look, TransientMasks::kFirstLook);
+  EXPECT_TRUE(state_.transients.shown.empty());
+  EXPECT_EQ(dataset_.n_used(), static_cast<std::size_t>(n_kept));
 }
 
 TEST(TransientMasks, KeepThemOutOfATraining) {
