@@ -42,6 +42,7 @@ class Transients : public testing::Test {
 
   Transients() : dataset_(LoadDataset(scene_, 2)) {
     scene_field_ = ReadCheckpoint(*dir_ / "checkpoint.bin", &state_);
+    state_.transients = {};
   }
 
   std::uint8_t* Picture(std::size_t view) { return &dataset_.pixels[3 * dataset_.views[view].first_pixel]; }
