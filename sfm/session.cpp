@@ -17,6 +17,7 @@
 #include "sfm/features/stationary_matches.h"
 #include "sfm/gaps.h"
 #include "sfm/mapping/diagnosis.h"
+#include "sfm/mapping/leaps.h"
 #include "sfm/second_look.h"
 
 namespace sfm {
@@ -237,6 +238,16 @@ std::set<std::string> Session::UncertainNames() const {
                     picture.rotation_deg,
                     picture.rotation_deg / picture.median_deg));
     names.insert(picture.name);
+  }
+  const std::set<std::string> beyond = PicturesBeyondLeaps(result_.model.scene, best_->views->names);
+  if (!beyond.empty()) {
+    decide_(fmt::format(
+        "{} pictures taken out, {} to {}: the walk would have leapt to them, and less than a tenth "
+        "of what they see is seen from elsewhere",
+        beyond.size(),
+        *beyond.begin(),
+        *beyond.rbegin()));
+    names.insert(beyond.begin(), beyond.end());
   }
   if (bridged_.empty()) return names;
   const double sigma = MedianRotationDeg(result_.model, result_.uncertainty, bridged_);

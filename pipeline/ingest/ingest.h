@@ -18,9 +18,10 @@ int RunIngest(int argc, const char* const* argv);
 
 struct IngestOptions {
   std::vector<std::filesystem::path> masks;  // of each photo (MatchMasks), or none at all
-  int max_side = 1600;  // longest side of the kept pictures [px]; smaller ones are not enlarged
-  int first_frame = 0;  // of a video
-  int last_frame = -1;  // inclusive; -1: to the end
+  int max_side = 1600;       // longest side of the kept pictures [px]; smaller ones are not enlarged
+  int first_frame = 0;       // of a video
+  int last_frame = -1;       // inclusive; -1: to the end
+  bool find_overlay = true;  // leave out what lies over every picture (overlay.h)
   int threads = 1;
   io::MemoryBudget memory = io::MemoryBudget();  // fewer photos are decoded at once where it is short
   SelectionOptions selection;

@@ -53,6 +53,9 @@ void AddIngestOptions(Options* options, IngestFlags* flags) {
                &flags->ingest.selection.min_relative_sharpness,
                "drop pictures below this share of their neighbours' sharpness; 0 keeps all",
                {.min = 0, .below = 1});
+  options->Add("find-overlay",
+               &flags->ingest.find_overlay,
+               "cut off black bars, and mask out what lies over every picture: a date, a logo, a bonnet");
 }
 
 IngestOptions ResolvedIngestOptions(const IngestFlags& flags) {

@@ -14,6 +14,7 @@
 #include "io/process/parallel.h"
 #include "io/process/progress.h"
 #include "pipeline/ingest/ingest.h"
+#include "pipeline/ingest/overlay_removal.h"
 #include "pipeline/ingest/photo_masks.h"
 
 namespace pipeline {
@@ -39,13 +40,15 @@ struct PhotoResult {
   std::string make, model;
 };
 
-// Decodes and writes one photo and its mask. A photo that cannot be decoded is dropped with its reason; a
-// mask that cannot be decoded is an error, for without it the photo would be used whole.
+// Decodes and writes one photo, which `picture` keeps, and its mask. A photo that cannot be decoded is
+// dropped with its reason; a mask that cannot be decoded is an error, for without it the photo would be used
+// whole.
 void IngestPhoto(const fs::path& file,
                  const fs::path& mask_file,
                  int max_side,
                  const fs::path& folder,
-                 PhotoResult* result) {
+                 PhotoResult* result,
+                 io::Image* picture) {
   const std::string bytes = ReadPictureFile(file);
   io::Photo photo;
   try {
@@ -75,6 +78,7 @@ void IngestPhoto(const fs::path& file,
   result->make = photo.make;
   result->model = photo.model;
   io::WriteImage(folder / "images" / result->picture.name, photo.image);
+  *picture = std::move(photo.image);
 }
 
 // The later ones of files with equal bytes get a reason.
@@ -185,7 +189,8 @@ int PhotosAtOnce(const std::vector<fs::path>& files, const IngestOptions& option
 std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
                                    const std::vector<std::string>& hashes,
                                    const IngestOptions& options,
-                                   const fs::path& folder) {
+                                   const fs::path& folder,
+                                   OverlayRemoval* overlay) {
   const std::vector<std::string> stems = SafeStems(files);
   std::vector<PhotoResult> results(files.size());
   for (std::size_t i = 0; i < files.size(); ++i) {
@@ -203,7 +208,11 @@ std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,
     const auto index = static_cast<std::size_t>(i);
     PhotoResult& result = results[index];
     const fs::path mask = options.masks.empty() ? fs::path() : options.masks[index];
-    if (result.reason.empty()) IngestPhoto(files[index], mask, options.max_side, folder, &result);
+    if (result.reason.empty()) {
+      io::Image picture;
+      IngestPhoto(files[index], mask, options.max_side, folder, &result, &picture);
+      if (result.reason.empty()) overlay->Look(index, result.picture.name, picture);
+    }
     const std::lock_guard lock(progress_mutex);
     progress.Update(++n_done / static_cast<double>(files.size()), result.picture.source);
   });
@@ -258,7 +267,8 @@ IngestReport IngestPhotos(const PictureSource& source,
   const std::vector<fs::path>& files = source.files;
   const fs::path parent = files[0].has_parent_path() ? files[0].parent_path() : ".";
   const std::string name = PrintableName(parent.string());
-  std::vector<PhotoResult> results = DecodeAll(files, hashes, options, folder);
+  OverlayRemoval overlay(files.size());
+  std::vector<PhotoResult> results = DecodeAll(files, hashes, options, folder, &overlay);
 
   IngestReport report;
   std::vector<DroppedPicture> bad;
@@ -277,6 +287,7 @@ IngestReport IngestPhotos(const PictureSource& source,
   Select(&results, options.selection, folder, &report);
   RefuseTooFew(report.frames, name);
   if (!options.masks.empty()) DescribeMasks(results, &report);
+  if (options.find_overlay) overlay.Apply(folder, options.threads, &report);
   DescribeResult(&report);
   return report;
 }

@@ -11,6 +11,7 @@
 #include "io/video/camera_motion.h"
 #include "io/video/video_reader.h"
 #include "pipeline/ingest/ingest.h"
+#include "pipeline/ingest/overlay_removal.h"
 
 namespace pipeline {
 namespace {
@@ -86,7 +87,8 @@ void WriteKeptFrames(const fs::path& video,
                      const std::vector<FrameVerdict>& verdicts,
                      const VideoMeasure& measure,
                      const fs::path& folder,
-                     Frames* frames) {
+                     Frames* frames,
+                     OverlayRemoval* overlay) {
   io::VideoReader reader(video);
   io::VideoFrame frame;
   io::Progress progress("writing frames");
@@ -108,6 +110,7 @@ void WriteKeptFrames(const fs::path& video,
     if (!kept) continue;
     const std::string name = fmt::format("frame_{:06}.png", index);
     io::WriteImage(folder / "images" / name, frame.image);
+    overlay->Look(frames->kept.size(), name, frame.image);
     KeptPicture picture;
     picture.name = name;
     picture.source = source;
@@ -142,7 +145,10 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
   RefuseUnusable(measure, options, name);
   const std::vector<FrameVerdict> verdicts =
       JudgeFrames(measure.path, measure.sharpness, options.first_frame, options.selection);
-  WriteKeptFrames(video, options, verdicts, measure, folder, &report.frames);
+  OverlayRemoval overlay(static_cast<std::size_t>(std::count_if(
+      verdicts.begin(), verdicts.end(), [](const FrameVerdict& verdict) { return verdict.kept; })));
+  WriteKeptFrames(video, options, verdicts, measure, folder, &report.frames, &overlay);
+  if (options.find_overlay) overlay.Apply(folder, options.threads, &report);
   report.decisions.push_back(
       fmt::format("{} of {} frames kept: the picture moved by {:.1f} of its widths, and the sharpest frame "
                   "of each equal step "

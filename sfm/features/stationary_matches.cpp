@@ -24,7 +24,8 @@ float Displacement(const std::vector<Features>& features,
   return std::hypot(a.x - b.x, a.y - b.y);
 }
 
-// Share of the cells of a grid over all keypoints of the capture in which a match stands still.
+// Share of the cells of a grid over all keypoints of the capture in which matches stand still, and not only by
+// chance among many that move.
 double CoveredShare(const std::vector<Features>& features, const std::vector<PairMatches>& matches) {
   float width = 1, height = 1;
   for (const Features& picture : features) {
@@ -33,21 +34,23 @@ double CoveredShare(const std::vector<Features>& features, const std::vector<Pai
       height = std::max(height, keypoint.y);
     }
   }
-  std::array<int, kCells * kCells> counts{};
+  std::array<int, kCells * kCells> stationary{}, all{};
   const auto cell = [](float x, float size) {
     return std::clamp(static_cast<int>(x / size * kCells), 0, kCells - 1);
   };
   for (const PairMatches& pair : matches) {
     for (const auto& match : pair.matches) {
-      if (Displacement(features, pair, match) > kStationaryPx) continue;
       const Keypoint& at =
           features[static_cast<std::size_t>(pair.a)].keypoints[static_cast<std::size_t>(match[0])];
-      ++counts[static_cast<std::size_t>(cell(at.y, height) * kCells + cell(at.x, width))];
+      const auto index = static_cast<std::size_t>(cell(at.y, height) * kCells + cell(at.x, width));
+      ++all[index];
+      stationary[index] += Displacement(features, pair, match) <= kStationaryPx;
     }
   }
-  const auto covered =
-      std::count_if(counts.begin(), counts.end(), [](int count) { return count >= kMinMatches; });
-  return static_cast<double>(covered) / static_cast<double>(counts.size());
+  int covered = 0;
+  for (std::size_t i = 0; i < all.size(); ++i)
+    covered += stationary[i] >= kMinMatches && stationary[i] >= kMinStationaryShare * all[i];
+  return covered / static_cast<double>(all.size());
 }
 
 }  // namespace

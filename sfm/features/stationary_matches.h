@@ -14,7 +14,8 @@ struct StationaryShare {
   int split_pairs = 0;      // in which, beside them, at least 15 matches and a fifth of all stand still
   std::size_t removed = 0;  // matches
   double share = 0;         // of all matches that were removed
-  // Where the removed ones lie: cells of a grid of 8 x 8 over the features of all pictures, over all 64.
+  // Where the removed ones lie: cells of a grid of 8 x 8 over the features of all pictures in which at least
+  // 15 matches and a fifth of all stand still, over all 64.
   double covered = 0;
 
   // A background stands behind most of the picture; a watermark or a finger covers a corner of it.

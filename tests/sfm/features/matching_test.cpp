@@ -176,6 +176,33 @@ TEST(StationaryMatches, ABackgroundFillsThePictureAWatermarkOnlyACorner) {
   EXPECT_FALSE(sfm::RemoveStationaryMatches(Turntable(4, 2), &matches).IsBackground());
 }
 
+TEST(StationaryMatches, ChanceAmongManyThatMoveIsNoBackground) {
+  // The watermark above, and in half of the cells a few that stand still beside six times as many that move.
+  auto matches = AllMatches(7);
+  std::vector<sfm::Features> features = Turntable(7, 20);
+  const auto add = [&](float x, float y, float step) {
+    for (int i = 0; i < 7; ++i) {
+      features[static_cast<std::size_t>(i)].keypoints.push_back({.x = x + step * static_cast<float>(i), .y = y});
+    }
+    const int k = static_cast<int>(features[0].keypoints.size()) - 1;
+    for (sfm::PairMatches& pair : matches) pair.matches.push_back({k, k});
+  };
+  for (std::size_t k = 0; k < 32; ++k) {
+    const float x = 45 + 75 * static_cast<float>(k % 8), y = 45 + 75 * static_cast<float>(k / 8);
+    add(x, y, 0);
+    for (int moving = 0; moving < 6; ++moving) add(x, y, 5);
+  }
+  for (sfm::Features& picture : features) {
+    for (std::size_t k = 40; k < 80; ++k) {
+      picture.keypoints[k].x = 600 - 2 * static_cast<float>(k % 8);
+      picture.keypoints[k].y = 600 - 2 * static_cast<float>(k / 8);
+    }
+  }
+  const sfm::StationaryShare share = sfm::RemoveStationaryMatches(features, &matches);
+  EXPECT_GT(share.removed, 21u * 40);
+  EXPECT_FALSE(share.IsBackground()) << share.covered;
+}
+
 TEST(StationaryMatches, ASlowCameraKeepsAllMatches) {
   auto matches = AllMatches(3);
   EXPECT_EQ(sfm::RemoveStationaryMatches(Turntable(3, 2), &matches).removed, 0u);  // 2 and 4 px

@@ -1,0 +1,204 @@
+// What lies over every picture: bars are cut off, marks masked out, and what merely hardly changes stays.
+#include "pipeline/ingest/overlay.h"
+
+#include "io/image/image.h"
+#include "io/image/mask.h"
+#include "tests/support/files/ingest_fixture.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kPictures = 24;
+
+// Pictures of noise, each its own, in blocks of 4 pixels.
+std::vector<io::Image> Noise(int n = kPictures) {
+  std::vector<io::Image> pictures;
+  cv::RNG rng(5);
+  for (int i = 0; i < n; ++i) {
+    cv::Mat blocks(kHeight / 4, kWidth / 4, CV_8UC3), mat;
+    rng.fill(blocks, cv::RNG::UNIFORM, 60, 255);
+    cv::resize(blocks, mat, {kWidth, kHeight}, 0, 0, cv::INTER_NEAREST);
+    pictures.push_back({kWidth, kHeight, 3, {mat.datastart, mat.dataend}});
+  }
+  return pictures;
+}
+
+cv::Mat Mat(io::Image* picture) { return {picture->height, picture->width, CV_8UC3, picture->data.data()}; }
+
+void Paint(const cv::Rect& rect, const cv::Scalar& colour, std::vector<io::Image>* pictures) {
+  for (io::Image& picture : *pictures) Mat (&picture)(rect).setTo(colour);
+}
+
+pipeline::Overlay Find(const std::vector<io::Image>& pictures) { return pipeline::FindOverlay(pictures, 2); }
+
+bool IsEmpty(const pipeline::Overlay& overlay) {
+  return !overlay.bars.Any() && overlay.mask.used.empty() && overlay.covered == 0;
+}
+
+TEST(Overlay, BarsAreFoundOnTheSidesThatHaveThem) {
+  auto pictures = Noise();
+  Paint({0, 0, 30, kHeight}, {0, 0, 0}, &pictures);
+  Paint({0, 113, kWidth, 7}, {20, 10, 20}, &pictures);
+  const pipeline::Overlay overlay = Find(pictures);
+  EXPECT_EQ(overlay.bars.left, 30);
+  EXPECT_EQ(overlay.bars.bottom, 7);
+  EXPECT_EQ(overlay.bars.right, 0);
+  EXPECT_EQ(overlay.bars.top, 0);
+  EXPECT_TRUE(overlay.mask.used.empty());
+  // One line more, which may be half of a bar, and rounded up.
+  const pipeline::Overlay resized = pipeline::ResizedOverlay(overlay, kWidth, kHeight, 200, 150);
+  EXPECT_EQ(resized.bars.left, 39);
+  EXPECT_EQ(resized.bars.bottom, 10);
+  EXPECT_EQ(resized.bars.top, 0);
+}
+
+TEST(Overlay, WhatFadesIntoTheDarkIsNoBar) {
+  auto pictures = Noise();
+  Paint({0, 0, 30, kHeight}, {0, 0, 0}, &pictures);
+  // Over more than half of its length what follows is dark in most of the pictures.
+  Paint({30, 0, 10, 70}, {15, 15, 15}, &pictures);
+  EXPECT_FALSE(Find(pictures).bars.Any());
+}
+
+TEST(Overlay, GreyBordersStay) {
+  auto pictures = Noise();
+  Paint({0, 0, 30, kHeight}, {55, 55, 55}, &pictures);
+  EXPECT_FALSE(Find(pictures).bars.Any());
+}
+
+TEST(Overlay, AMarkIsLeftOutAndNothingElse) {
+  auto pictures = Noise();
+  const cv::Rect mark(70, 60, 40, 12);
+  Paint(mark, {250, 200, 30}, &pictures);
+  const pipeline::Overlay overlay = Find(pictures);
+  EXPECT_FALSE(overlay.bars.Any());
+  ASSERT_EQ(overlay.mask.used.size(), static_cast<std::size_t>(kWidth * kHeight));
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      EXPECT_EQ(overlay.mask.Uses(static_cast<std::size_t>(y * kWidth + x)), !mark.contains({x, y}))
+          << x << ' ' << y;
+    }
+  }
+  EXPECT_NEAR(overlay.covered, mark.area() / double{kWidth * kHeight}, 1e-12);
+  // At twice the size with its margin of 5 pixels.
+  const pipeline::Overlay resized =
+      pipeline::ResizedOverlay(overlay, kWidth, kHeight, 2 * kWidth, 2 * kHeight);
+  const cv::Rect left_out(130, 110, 100, 44);
+  for (int y = 0; y < 2 * kHeight; ++y) {
+    for (int x = 0; x < 2 * kWidth; ++x) {
+      EXPECT_EQ(resized.mask.Uses(static_cast<std::size_t>(y * 2 * kWidth + x)), !left_out.contains({x, y}));
+    }
+  }
+}
+
+TEST(Overlay, AMarkMayBeMissingInATenthOfThePictures) {
+  for (const int missing : {2, 3}) {
+    auto pictures = Noise();
+    auto bare = Noise(missing);
+    Paint({110, 90, 40, 12}, {250, 200, 30}, &pictures);
+    std::copy(bare.begin(), bare.end(), pictures.begin());
+    EXPECT_EQ(Find(pictures).mask.used.empty(), missing == 3);
+  }
+}
+
+TEST(Overlay, AWhiteSkyIsNone) {
+  // The skyline wanders from picture to picture, by as much as a hand moves.
+  auto pictures = Noise();
+  for (int i = 0; i < kPictures; ++i)
+    Mat (&pictures[static_cast<std::size_t>(i)])({0, 0, kWidth, 30 + i}).setTo(cv::Scalar(254, 254, 254));
+  EXPECT_TRUE(IsEmpty(Find(pictures)));
+}
+
+TEST(Overlay, ABackgroundIsNone) {
+  for (const bool is_background : {true, false}) {
+    auto pictures = Noise();
+    Paint({0, 0, kWidth, is_background ? 70 : 50}, {250, 200, 30}, &pictures);
+    EXPECT_EQ(IsEmpty(Find(pictures)), is_background);
+  }
+}
+
+TEST(Overlay, FewPicturesTellNothing) {
+  for (const int n : {19, 20}) {
+    auto pictures = Noise(n);
+    Paint({110, 90, 40, 12}, {250, 200, 30}, &pictures);
+    Paint({0, 0, 30, kHeight}, {0, 0, 0}, &pictures);
+    EXPECT_EQ(IsEmpty(Find(pictures)), n == 19);
+  }
+}
+
+class IngestOverlay : public Ingest {
+ protected:
+  // A view with bars to its left and right and a mark at its lower end.
+  cv::Mat Marked(int i) const {
+    cv::Mat view = View(i);
+    view.colRange(0, 32).setTo(0);
+    view.colRange(128, kWidth).setTo(0);
+    view(mark_).setTo(cv::Scalar(40, 220, 250));
+    return view;
+  }
+  // Pixels that the mask of a kept picture leaves out.
+  cv::Mat LeftOut(const std::string& name, int width) const {
+    const io::Mask mask = io::ReadMask(run() / "ingest/masks" / name, width, kHeight);
+    return cv::Mat(mask.used, true).reshape(1, kHeight) == 0;
+  }
+
+  const cv::Rect mark_{70, 96, 40, 12};
+};
+
+TEST_F(IngestOverlay, PhotosLoseTheirBarsAndAMaskLeavesTheMarkOut) {
+  for (int i = 0; i < kPictures; ++i) WritePhoto("img" + std::to_string(i) + ".jpg", Marked(i));
+  fs::create_directories(base_ / "masks");
+  cv::Mat own(kHeight, kWidth, CV_8U, cv::Scalar(255));
+  own.colRange(40, 50).setTo(0);
+  ASSERT_TRUE(cv::imwrite((base_ / "masks/img3.png").string(), own));
+  ASSERT_EQ(Run(photos(), {"--masks", (base_ / "masks").string()}), 0) << message_;
+  EXPECT_TRUE(Says("black bars around 24 pictures are cut off", "x 120 pixels", "24 pictures never change"))
+      << message_;
+  ASSERT_EQ(frames_["kept"].size(), static_cast<std::size_t>(kPictures));
+  for (const io::Json& entry : frames_["kept"]) {
+    const std::string name = entry["name"];
+    const int width = entry["width"];
+    // 32 columns on either side, give or take the one that the codec blurs.
+    EXPECT_GE(width, 94);
+    EXPECT_LE(width, 96);
+    EXPECT_TRUE(entry.contains("mask"));
+    const io::Image picture = io::ReadImage(run() / "ingest/images" / name);
+    EXPECT_EQ(picture.width, width);
+    EXPECT_EQ(picture.height, kHeight);
+    const cv::Mat left_out = LeftOut(name, width);
+    const int cut = (kWidth - width) / 2;
+    EXPECT_EQ(cv::countNonZero(left_out(mark_ - cv::Point(cut, 0))), mark_.area()) << name;
+    EXPECT_EQ(left_out.at<std::uint8_t>(40, 10) != 0, name == "img3.png") << name;
+    EXPECT_EQ(left_out.at<std::uint8_t>(40, 30), 0) << name;
+  }
+}
+
+TEST_F(IngestOverlay, VideosAreTreatedAlike) {
+  const fs::path video = WriteVideo(100, [&](int i) {
+    cv::Mat view = texture_(cv::Rect(12 * i, 20, kWidth, kHeight)).clone();
+    view(mark_).setTo(cv::Scalar(40, 220, 250));
+    return view;
+  });
+  ASSERT_EQ(Run(video, {"--max-frames", "30"}), 0) << message_;
+  EXPECT_TRUE(Says("pictures never change while the rest does")) << message_;
+  for (const std::string& name : KeptNames())
+    EXPECT_GE(cv::countNonZero(LeftOut(name, kWidth)(mark_)), mark_.area()) << name;
+}
+
+TEST_F(IngestOverlay, StaysWhereTheUserWantsIt) {
+  for (int i = 0; i < kPictures; ++i) WritePhoto("img" + std::to_string(i) + ".jpg", Marked(i));
+  ASSERT_EQ(Run(photos(), {"--no-find-overlay"}), 0) << message_;
+  EXPECT_EQ(frames_["kept"][0]["width"], kWidth);
+  EXPECT_FALSE(fs::exists(run() / "ingest/masks"));
+}
+
+TEST_F(IngestOverlay, PhotosWithoutAnyAreLeftAlone) {
+  WritePhotos(kPictures);
+  ASSERT_EQ(Run(photos()), 0) << message_;
+  EXPECT_FALSE(Says("never change"));
+  EXPECT_FALSE(Says("bars"));
+  EXPECT_FALSE(fs::exists(run() / "ingest/masks"));
+}
+
+}  // namespace
