@@ -24,8 +24,8 @@ float Displacement(const std::vector<Features>& features,
   return std::hypot(a.x - b.x, a.y - b.y);
 }
 
-// Share of the cells of a grid over all keypoints of the capture in which matches stand still, and not only by
-// chance among many that move.
+// Share of the cells of a grid over all keypoints of the capture in which matches stand still, and not only
+// by chance among many that move.
 double CoveredShare(const std::vector<Features>& features, const std::vector<PairMatches>& matches) {
   float width = 1, height = 1;
   for (const Features& picture : features) {

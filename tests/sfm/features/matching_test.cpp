@@ -182,7 +182,8 @@ TEST(StationaryMatches, ChanceAmongManyThatMoveIsNoBackground) {
   std::vector<sfm::Features> features = Turntable(7, 20);
   const auto add = [&](float x, float y, float step) {
     for (int i = 0; i < 7; ++i) {
-      features[static_cast<std::size_t>(i)].keypoints.push_back({.x = x + step * static_cast<float>(i), .y = y});
+      features[static_cast<std::size_t>(i)].keypoints.push_back(
+          {.x = x + step * static_cast<float>(i), .y = y});
     }
     const int k = static_cast<int>(features[0].keypoints.size()) - 1;
     for (sfm::PairMatches& pair : matches) pair.matches.push_back({k, k});
