@@ -118,6 +118,14 @@ TEST(Overlay, ABackgroundIsNone) {
   }
 }
 
+TEST(Overlay, SpecksStay) {
+  for (const int height : {3, 4}) {
+    auto pictures = Noise();
+    Paint({70, 60, 3, height}, {250, 200, 30}, &pictures);
+    EXPECT_EQ(IsEmpty(Find(pictures)), height == 3);
+  }
+}
+
 TEST(Overlay, FewPicturesTellNothing) {
   for (const int n : {19, 20}) {
     auto pictures = Noise(n);
@@ -189,6 +197,18 @@ TEST_F(IngestOverlay, VideosAreTreatedAlike) {
 TEST_F(IngestOverlay, StaysWhereTheUserWantsIt) {
   for (int i = 0; i < kPictures; ++i) WritePhoto("img" + std::to_string(i) + ".jpg", Marked(i));
   ASSERT_EQ(Run(photos(), {"--no-find-overlay"}), 0) << message_;
+  EXPECT_EQ(frames_["kept"][0]["width"], kWidth);
+  EXPECT_FALSE(fs::exists(run() / "ingest/masks"));
+}
+
+TEST_F(IngestOverlay, TransparencySaysItselfWhatCounts) {
+  for (int i = 0; i < kPictures; ++i) {
+    cv::Mat view;
+    cv::cvtColor(Marked(i), view, cv::COLOR_BGR2BGRA);
+    view.rowRange(0, 20).setTo(cv::Scalar(0, 0, 0, 0));
+    ASSERT_TRUE(cv::imwrite((photos() / ("img" + std::to_string(i) + ".png")).string(), view));
+  }
+  ASSERT_EQ(Run(photos()), 0) << message_;
   EXPECT_EQ(frames_["kept"][0]["width"], kWidth);
   EXPECT_FALSE(fs::exists(run() / "ingest/masks"));
 }
