@@ -11,6 +11,7 @@
 #include "io/video/camera_motion.h"
 #include "io/video/video_reader.h"
 #include "pipeline/ingest/ingest.h"
+#include "pipeline/ingest/overlay.h"
 #include "pipeline/ingest/overlay_removal.h"
 
 namespace pipeline {
@@ -21,6 +22,7 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr int kMeasureSide = 640;  // [px] what io::Sharpness looks at
+constexpr int kBarFrames = 40;     // among which bars are sought
 constexpr double kDark = 8;        // [grey levels] a frame whose mean is below has no light
 constexpr double kMinPath = 0.02;  // [picture widths] a shorter path is a tremor of the hand
 constexpr double kCompleteShare =
@@ -36,11 +38,19 @@ struct VideoMeasure {
   bool reached_end = false;
 };
 
+// Of a frame's width, what is not bars.
+double ContentShare(const std::vector<io::Image>& frames, int threads) {
+  const Bars bars = FindOverlay(frames, threads).bars;
+  return frames.empty() ? 1 : 1 - static_cast<double>(bars.left + bars.right) / frames[0].width;
+}
+
 VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
   VideoMeasure measure;
   io::CameraMotion motion;
   io::VideoFrame frame;
   const int last = options.last_frame < 0 ? reader->info().container_frames : options.last_frame + 1;
+  const int n_expected = std::max(1, last - options.first_frame), every = (n_expected - 1) / kBarFrames + 1;
+  std::vector<io::Image> sampled;
   io::Progress progress("measuring frames");
   while (options.last_frame < 0 || measure.n_decoded <= options.last_frame) {
     io::ThrowIfInterrupted();
@@ -53,10 +63,17 @@ VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
     progress.Update(std::min(0.999, measure.n_decoded / std::max(1.0, static_cast<double>(last))),
                     "frame " + std::to_string(measure.n_decoded));
     if (!in_range) continue;
+    const bool is_sampled = static_cast<int>(measure.path.size()) % every == 0;
+    if (is_sampled && sampled.size() < 2 * kBarFrames) sampled.push_back(frame.image);
     measure.path.push_back(motion.Advance(frame.image));
     measure.sharpness.push_back(io::Sharpness(frame.image));
     measure.time_s.push_back(frame.time_s);
     measure.brightest = std::max(measure.brightest, io::Brightness(io::MakeThumbnail(frame.image)));
+  }
+  // Frames are chosen by how far the picture moves, in widths of what it shows.
+  if (options.find_overlay) {
+    const double share = ContentShare(sampled, options.threads);
+    for (double& width : measure.path) width /= share;
   }
   return measure;
 }

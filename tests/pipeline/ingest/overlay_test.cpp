@@ -194,6 +194,25 @@ TEST_F(IngestOverlay, VideosAreTreatedAlike) {
     EXPECT_GE(cv::countNonZero(LeftOut(name, kWidth)(mark_)), mark_.area()) << name;
 }
 
+TEST_F(IngestOverlay, AVideoIsChosenByWhatItShowsBetweenItsBars) {
+  // Content of half the width moves by 1.25 % of it per frame; frames are kept every 2 %.
+  const auto frame = [&](int i, bool has_bars) {
+    cv::Mat view(kHeight, kWidth, CV_8UC3, cv::Scalar(0, 0, 0));
+    const cv::Mat content = texture_(cv::Rect(2 * i, 20, kWidth, kHeight));
+    if (!has_bars) return cv::Mat(content.clone());
+    cv::resize(content, view.colRange(40, 120), {80, kHeight}, 0, 0, cv::INTER_AREA);
+    return view;
+  };
+  std::vector<std::size_t> kept;
+  for (const bool has_bars : {false, true}) {
+    const fs::path video = WriteVideo(120, [&](int i) { return frame(i, has_bars); });
+    ASSERT_EQ(Run(video, {"--max-frames", "1000", "--force"}), 0) << message_;
+    EXPECT_EQ(Says("black bars"), has_bars) << message_;
+    kept.push_back(KeptNames().size());
+  }
+  EXPECT_NEAR(static_cast<double>(kept[1]), static_cast<double>(kept[0]), 0.1 * static_cast<double>(kept[0]));
+}
+
 TEST_F(IngestOverlay, StaysWhereTheUserWantsIt) {
   for (int i = 0; i < kPictures; ++i) WritePhoto("img" + std::to_string(i) + ".jpg", Marked(i));
   ASSERT_EQ(Run(photos(), {"--no-find-overlay"}), 0) << message_;
