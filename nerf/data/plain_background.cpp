@@ -8,6 +8,8 @@ namespace nerf {
 namespace {
 
 constexpr double kMinShare = 0.98;
+// Of the pixels on the borders, so many must be used: masks that leave hardly any hide the background.
+constexpr double kMinUsed = 0.5;
 constexpr int kTolerance = 2;
 constexpr std::uint8_t kMixed = 128, kOpaque = 255;
 
@@ -88,11 +90,14 @@ void MarkPlainBackground(Dataset* dataset, const io::MemoryBudget& memory) {
   const std::vector<bool> used = dataset->UsedPixels();
   std::vector<std::vector<std::size_t>> borders;
   std::vector<std::size_t> all;
+  std::size_t n_border = 0;
   for (const View& view : dataset->views) {
+    n_border += BorderPixels(view, {}).size();
     borders.push_back(BorderPixels(view, used));
     for (const std::size_t pixel : borders.back()) all.push_back(view.first_pixel + pixel);
   }
   Colour colour;
+  if (static_cast<double>(all.size()) < kMinUsed * static_cast<double>(n_border)) return;
   if (!ColourOf(*dataset, all, &colour)) return;
   memory.Require(4 * dataset->n_pixels(), "telling objects from their plain background");
   // In place and from the end, where each pixel moves to beyond those that are still to move.

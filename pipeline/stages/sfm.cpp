@@ -10,7 +10,10 @@
 #include "io/base/json.h"
 #include "io/base/median.h"
 #include "io/base/quoting.h"
+#include "io/image/image.h"
 #include "io/image/mask.h"
+#include "io/process/interrupt.h"
+#include "io/process/parallel.h"
 #include "io/scene/ply.h"
 #include "io/scene/transforms.h"
 #include "pipeline/stage/common_options.h"
@@ -22,7 +25,7 @@
 #include "pipeline/stages/stage_options.h"
 #include "pipeline/stages/stages.h"
 #include "sfm/reconstruction.h"
-#include "sfm/scene/moving_mask.h"
+#include "sfm/scene/moving_subject.h"
 #include "sfm/scene/undistort.h"
 
 namespace pipeline {
@@ -59,25 +62,32 @@ void LocateFrames(const fs::path& images, const fs::path& masks, io::Scene* scen
   }
 }
 
-// Gives the frames masks, below `folder`, of what moves while the background stands still.
-void MaskBackground(const fs::path& folder, int threads, io::Scene* scene, StageRun* stage) {
-  const std::vector<io::Mask> masks = sfm::MasksOfMoving(*scene, threads);
-  if (masks.empty()) {
+// Gives the frames pictures and masks, below `folder`, of what moves while the background stands still: where
+// it shows, they are transparent.
+void CutOutSubjects(const fs::path& folder, int threads, io::Scene* scene, StageRun* stage) {
+  const std::vector<sfm::MovingSubject> subjects = sfm::SubjectsOnTurntable(*scene, threads);
+  if (subjects.empty()) {
     stage->Decide(
         "turntable: the subject cannot be told from the background; give masks of it (ingest --masks), or "
         "training blurs what surrounds it");
     return;
   }
-  fs::create_directories(folder);
-  std::vector<double> shares;
-  for (std::size_t i = 0; i < masks.size(); ++i) {
+  fs::create_directories(folder / "images");
+  fs::create_directories(folder / "masks");
+  std::vector<double> shares(subjects.size());
+  io::ParallelFor(subjects.size(), threads, [&](std::size_t i) {
+    io::ThrowIfInterrupted();
+    const auto& [shown, certain] = subjects[i];
     io::Frame& frame = scene->frames[i];
-    frame.mask_path = folder / frame.image_path.filename().replace_extension(".png");
-    io::WriteMask(frame.mask_path, masks[i]);
-    shares.push_back(static_cast<double>(masks[i].UsedCount()) / static_cast<double>(masks[i].used.size()));
-  }
+    const fs::path name = frame.image_path.filename().replace_extension(".png");
+    io::WriteImage(folder / "images" / name, sfm::CutOut(io::ReadImage(frame.image_path), shown));
+    io::WriteMask(folder / "masks" / name, certain);
+    frame.image_path = folder / "images" / name;
+    frame.mask_path = folder / "masks" / name;
+    shares[i] = static_cast<double>(shown.UsedCount()) / static_cast<double>(shown.used.size());
+  });
   stage->Decide(
-      fmt::format("turntable: what stands still is masked out; the subject covers {:.0f} % of a picture",
+      fmt::format("turntable: the subject is cut out of what stands still; it covers {:.0f} % of a picture",
                   100 * io::Median(std::move(shares))));
 }
 
@@ -201,7 +211,7 @@ int RunSfm(int argc, const char* const* argv) {
     io::Scene scene = result.model.scene;
     LocateFrames(ingest / "images", settings.masks_folder, &scene);
     if (result.turntable && settings.masks_folder.empty())
-      MaskBackground(work / "moving", settings.threads, &scene, &stage);
+      CutOutSubjects(work / "subjects", settings.threads, &scene, &stage);
     WriteOutputs(result, scene, stage.folder(), settings.threads);
     fs::remove_all(work);
     stage.AddChildUse(result.colmap_cpu_s, result.peak_rss_bytes);

@@ -53,6 +53,25 @@ TEST(PlainBackground, IsTheColourOfTheBordersAndWhatIsJoinedToThem) {
   EXPECT_EQ(views.AlphaAt(0, 0), 128) << "the hole may be a part of the object in this colour";
 }
 
+TEST(PlainBackground, TakesHalfOfTheBordersToTell) {
+  // 168 pixels lie on the borders of both views. A cut-out subject that touches them shows no background.
+  for (const std::size_t n_used : {83u, 84u}) {
+    RingViews views;
+    std::vector<bool> used(views.dataset.n_pixels(), true);
+    std::size_t n_border = 0;
+    for (std::size_t p = 0; p < used.size(); ++p) {
+      const std::size_t x = p % kWidth, y = p / kWidth % kHeight;
+      const bool is_border = x == 0 || y == 0 || x == kWidth - 1 || y == kHeight - 1;
+      used[p] = !is_border || n_border < n_used;
+      n_border += is_border;
+    }
+    ASSERT_EQ(n_border, 168u);
+    views.dataset.Use(used);
+    MarkPlainBackground(&views.dataset);
+    EXPECT_EQ(views.dataset.background.has_value(), n_used == 84);
+  }
+}
+
 TEST(PlainBackground, ComesInThroughAGapFromAnySide) {
   const int gaps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
   for (const auto& [x, y] : gaps) {

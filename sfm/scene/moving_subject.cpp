@@ -1,4 +1,4 @@
-#include "sfm/scene/moving_mask.h"
+#include "sfm/scene/moving_subject.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -19,15 +19,15 @@ constexpr std::size_t kSampled = 48;  // pictures among which a pixel's most fre
 // Levels of 256 within which a colour counts as the same: noise, compression, the flicker of a lamp.
 constexpr int kTolerance = 16;
 // So many of the pictures must agree on the colour of a background that the subject covers now and then.
-constexpr double kKnownShare = 0.2;
+// Where nearly all do, it may be a subject that looks the same all the way round.
+constexpr double kKnownShare = 0.2, kSameShare = 0.95;
 // Of the picture: less or more than this is no subject.
 constexpr double kMinMovingShare = 0.005, kMaxMovingShare = 0.8;
 // Regions smaller than this share of the largest are noise, a curtain, a clock.
 constexpr double kMinRegionShare = 0.1;
-// At the size of comparison: specks of 2 pixels go, gaps of 4 close, and the edge gets 1 to spare.
-// Around an observed point, 8 pixels to each side.
-constexpr int kAroundPoint = 17;
-constexpr int kOpening = 3, kClosing = 5, kMargin = 3;
+// At the size of comparison: specks of 2 pixels go, and gaps of 4 close, between observed points of 16. What
+// is 8 pixels from a point may be the subject, and 2 pixels on either side of its edge may be either.
+constexpr int kOpening = 3, kClosing = 5, kBetweenPoints = 17, kAroundPoint = 33, kEdge = 5;
 
 constexpr std::uint8_t kYes = 255;
 
@@ -54,6 +54,7 @@ bool Same(const cv::Vec3b& a, const cv::Vec3b& b) {
 struct Background {
   cv::Mat colour;  // most frequent
   cv::Mat known;   // kYes where that colour is a background's
+  cv::Mat same;    // kYes where hardly any picture has another
 };
 
 Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
@@ -61,7 +62,7 @@ Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
   const std::size_t n = std::min(kSampled, pictures.size());
   for (std::size_t i = 0; i < n; ++i) sampled.push_back(&pictures[i * pictures.size() / n]);
   const cv::Size size = pictures[0].size();
-  Background background{cv::Mat(size, CV_8UC3), cv::Mat(size, CV_8U)};
+  Background background{cv::Mat(size, CV_8UC3), cv::Mat(size, CV_8U), cv::Mat(size, CV_8U)};
   io::ParallelFor(static_cast<std::size_t>(size.height), threads, [&](std::size_t row) {
     const int y = static_cast<int>(row);
     for (int x = 0; x < size.width; ++x) {
@@ -77,6 +78,7 @@ Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
       }
       const double share = static_cast<double>(most) / static_cast<double>(n);
       background.known.at<std::uint8_t>(y, x) = share >= kKnownShare ? kYes : 0;
+      background.same.at<std::uint8_t>(y, x) = share >= kSameShare ? kYes : 0;
     }
   });
   return background;
@@ -99,58 +101,80 @@ void DropSmallRegions(cv::Mat* mask) {
   }
 }
 
-// Adds to `mask` what it encloses: all that is not connected with the picture's border.
-void FillEnclosed(cv::Mat* mask) {
+// What `mask` encloses: all outside of it that is not connected with the picture's border.
+cv::Mat Enclosed(const cv::Mat& mask) {
   cv::Mat labels;
-  const int n = cv::connectedComponents(~*mask, labels, 4);
+  const int n = cv::connectedComponents(~mask, labels, 4);
   std::vector<bool> at_border(static_cast<std::size_t>(n), false);
   const auto mark = [&](int y, int x) { at_border[static_cast<std::size_t>(labels.at<int>(y, x))] = true; };
-  for (int y = 0; y < mask->rows; ++y) mark(y, 0), mark(y, mask->cols - 1);
-  for (int x = 0; x < mask->cols; ++x) mark(0, x), mark(mask->rows - 1, x);
+  for (int y = 0; y < mask.rows; ++y) mark(y, 0), mark(y, mask.cols - 1);
+  for (int x = 0; x < mask.cols; ++x) mark(0, x), mark(mask.rows - 1, x);
+  cv::Mat enclosed = cv::Mat::zeros(mask.size(), CV_8U);
   for (int i = 1; i < n; ++i) {
-    if (!at_border[static_cast<std::size_t>(i)]) mask->setTo(kYes, labels == i);
+    if (!at_border[static_cast<std::size_t>(i)]) enclosed.setTo(kYes, labels == i);
   }
+  return enclosed;
 }
 
-// kYes near each point that frame `index` observes; of the size of comparison.
-cv::Mat AroundPoints(const io::Scene& scene, int index, cv::Size size) {
+// kYes at each point that frame `index` observes; of the size of comparison.
+cv::Mat ObservedPoints(const io::Scene& scene, int index, cv::Size size) {
   const io::Frame& frame = scene.frames[static_cast<std::size_t>(index)];
   const io::Camera camera =
       io::ResizedCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], size.width, size.height);
   const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
-  cv::Mat around(size, CV_8U, cv::Scalar(0));
+  cv::Mat observed(size, CV_8U, cv::Scalar(0));
   for (const io::Point3D& point : scene.points) {
     if (std::find(point.frame_indices.begin(), point.frame_indices.end(), index) == point.frame_indices.end())
       continue;
     const auto xy = io::ImgFromCam(camera, cam_from_world * point.xyz);
     if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < size.width && xy->y() < size.height)) continue;
-    around.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
+    observed.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
   }
-  cv::dilate(around, around, Square(kAroundPoint));
-  return around;
+  return observed;
 }
 
-cv::Mat Subject(const cv::Mat& picture, const cv::Mat& around_points, const Background& background) {
-  cv::Mat subject(picture.size(), CV_8U);
+struct SmallSubject {
+  cv::Mat shown, certain;
+};
+
+SmallSubject Subject(const cv::Mat& picture, const cv::Mat& points, const Background& background) {
+  cv::Mat shown(picture.size(), CV_8U);
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
       const bool is_background = background.known.at<std::uint8_t>(y, x) &&
                                  Same(picture.at<cv::Vec3b>(y, x), background.colour.at<cv::Vec3b>(y, x));
-      subject.at<std::uint8_t>(y, x) = is_background ? 0 : kYes;
+      shown.at<std::uint8_t>(y, x) = is_background ? 0 : kYes;
     }
   }
-  cv::morphologyEx(subject, subject, cv::MORPH_OPEN, Square(kOpening));
-  cv::morphologyEx(subject, subject, cv::MORPH_CLOSE, Square(kClosing));
-  subject |= around_points;
-  DropSmallRegions(&subject);
-  FillEnclosed(&subject);
-  cv::dilate(subject, subject, Square(kMargin));
-  return subject;
+  cv::morphologyEx(shown, shown, cv::MORPH_OPEN, Square(kOpening));
+  cv::morphologyEx(shown, shown, cv::MORPH_CLOSE, Square(kClosing));
+  cv::Mat among, around;
+  cv::morphologyEx(points, among, cv::MORPH_CLOSE, Square(kBetweenPoints));
+  cv::dilate(points, around, Square(kAroundPoint));
+  shown |= among;
+  DropSmallRegions(&shown);
+  const cv::Mat gaps = Enclosed(shown) | Enclosed(shown | around);
+  shown |= gaps & background.same;
+  // What is left has the background's colour.
+  cv::Mat uncertain = (gaps | around) & ~shown, inner, outer, filled;
+  // Nor can anything be told where no colour is known to be the background's.
+  cv::morphologyEx(points, filled, cv::MORPH_CLOSE, Square(kAroundPoint));
+  uncertain |= ~background.known & ~filled;
+  cv::erode(shown, inner, Square(kEdge));
+  cv::dilate(shown, outer, Square(kEdge));
+  uncertain |= outer & ~inner;
+  return {shown, ~uncertain};
+}
+
+io::Mask FullMask(const cv::Mat& small, cv::Size size) {
+  cv::Mat full;
+  cv::resize(small, full, size, 0, 0, cv::INTER_NEAREST);
+  return {full.cols, full.rows, {full.begin<std::uint8_t>(), full.end<std::uint8_t>()}};
 }
 
 }  // namespace
 
-std::vector<io::Mask> MasksOfMoving(const io::Scene& scene, int threads) {
+std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threads) {
   const std::size_t n = scene.frames.size();
   if (n == 0) return {};
   std::vector<cv::Mat> small(n);
@@ -160,19 +184,26 @@ std::vector<io::Mask> MasksOfMoving(const io::Scene& scene, int threads) {
   if (std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) { return size != sizes[0]; }))
     return {};
   const Background background = FindBackground(small, threads);
-  std::vector<cv::Mat> subjects(n);
+  std::vector<SmallSubject> subjects(n);
   io::ParallelFor(n, threads, [&](std::size_t i) {
-    subjects[i] = Subject(small[i], AroundPoints(scene, static_cast<int>(i), small[i].size()), background);
+    subjects[i] = Subject(small[i], ObservedPoints(scene, static_cast<int>(i), small[i].size()), background);
   });
-  std::vector<io::Mask> masks;
-  for (const cv::Mat& subject : subjects) {
-    const double share = Share(subject);
+  std::vector<MovingSubject> full;
+  for (const SmallSubject& subject : subjects) {
+    const double share = Share(subject.shown);
     if (share < kMinMovingShare || share > kMaxMovingShare) return {};
-    cv::Mat full;
-    cv::resize(subject, full, sizes[0], 0, 0, cv::INTER_NEAREST);
-    masks.push_back({full.cols, full.rows, {full.begin<std::uint8_t>(), full.end<std::uint8_t>()}});
+    full.push_back({FullMask(subject.shown, sizes[0]), FullMask(subject.certain, sizes[0])});
   }
-  return masks;
+  return full;
+}
+
+io::Image CutOut(const io::Image& picture, const io::Mask& shown) {
+  io::Image cut = io::MakeImage(picture.width, picture.height, 4);
+  for (std::size_t i = 0; i < shown.used.size(); ++i) {
+    std::copy_n(&picture.data[i * static_cast<std::size_t>(picture.channels)], 3, &cut.data[4 * i]);
+    cut.data[4 * i + 3] = shown.used[i];
+  }
+  return cut;
 }
 
 }  // namespace sfm

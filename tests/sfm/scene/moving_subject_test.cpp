@@ -1,5 +1,5 @@
 // The subject on a turntable, told from a background that stands still.
-#include "sfm/scene/moving_mask.h"
+#include "sfm/scene/moving_subject.h"
 
 #include <gtest/gtest.h>
 
@@ -67,28 +67,88 @@ io::Scene WriteTurntable(const fs::path& folder) {
   return scene;
 }
 
-TEST(MasksOfMoving, KeepsTheSubjectWithItsPlainMiddleAndNothingElse) {
+TEST(SubjectsOnTurntable, AreShownWithTheirPlainMiddleAndNothingElse) {
   const TempDir dir;
   const io::Scene scene = WriteTurntable(dir.path());
-  const std::vector<io::Mask> masks = sfm::MasksOfMoving(scene, 2);
-  ASSERT_EQ(masks.size(), scene.frames.size());
+  const std::vector<sfm::MovingSubject> subjects = sfm::SubjectsOnTurntable(scene, 2);
+  ASSERT_EQ(subjects.size(), scene.frames.size());
+  int n_inside = 0, n_shown = 0;
   for (int i = 0; i < kPictures; ++i) {
-    const io::Mask& mask = masks[static_cast<std::size_t>(i)];
-    ASSERT_EQ(mask.width, kWidth);
-    ASSERT_EQ(mask.height, kHeight);
+    const auto& [shown, certain] = subjects[static_cast<std::size_t>(i)];
+    for (const io::Mask* mask : {&shown, &certain}) {
+      ASSERT_EQ(mask->width, kWidth);
+      ASSERT_EQ(mask->height, kHeight);
+    }
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
+        const auto pixel = static_cast<std::size_t>(y * kWidth + x);
         const double r = std::hypot(x - CentreX(i), y - 60.0);
-        if (r < 30 || r > 40) {
-          ASSERT_EQ(mask.Uses(static_cast<std::size_t>(y * kWidth + x)), r < 30) << i << " " << x << " " << y;
+        const bool is_subject = shown.Uses(pixel) && certain.Uses(pixel),
+                   is_background = !shown.Uses(pixel) && certain.Uses(pixel);
+        if (r < 30) {
+          ASSERT_FALSE(is_background) << i << " " << x << " " << y;
         }
+        if (x < 7 && y < 7) {
+          ASSERT_FALSE(is_subject) << i << " " << x << " " << y;
+        } else if (r > 51) {
+          ASSERT_TRUE(is_background) << i << " " << x << " " << y;
+        }
+        if (std::hypot(x - 80, y - 60) < 6) {  // never anything but the middle
+          ASSERT_TRUE(is_subject) << i << " " << x << " " << y;
+        }
+        n_inside += r < 30;
+        n_shown += r < 30 && shown.Uses(pixel);
       }
     }
   }
-  EXPECT_EQ(sfm::MasksOfMoving(scene, 1)[3].used, masks[3].used);
+  EXPECT_GT(n_shown, 0.6 * n_inside);
+  const sfm::MovingSubject again = sfm::SubjectsOnTurntable(scene, 1)[3];
+  EXPECT_EQ(again.shown.used, subjects[3].shown.used);
+  EXPECT_EQ(again.certain.used, subjects[3].certain.used);
 }
 
-TEST(MasksOfMoving, ACameraThatMovesLeavesNothingInItsPlace) {
+TEST(SubjectsOnTurntable, AGapInTheSubjectMayBeEither) {
+  // A ring that swings by 12 pixels: what shows in its middle is the background, but not always the same.
+  const TempDir dir;
+  const io::Scene scene = SceneOf(kPictures, dir.path());
+  for (int i = 0; i < kPictures; ++i) {
+    io::Image image = io::MakeImage(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const double r = std::hypot(x - 80 - 2 * (CentreX(i) - 80), y - 60.0);
+        int value = (x / 8 + y / 8) % 2 == 0 ? 180 : 80;
+        if (r > 14 && r < 30) value = 13 * i;
+        std::fill_n(image.Pixel(x, y), 3, static_cast<std::uint8_t>(value));
+      }
+    }
+    io::WriteImage(scene.frames[static_cast<std::size_t>(i)].image_path, image);
+  }
+  const std::vector<sfm::MovingSubject> subjects = sfm::SubjectsOnTurntable(scene, 1);
+  ASSERT_EQ(subjects.size(), scene.frames.size());
+  int n_gap = 0, n_certain = 0;
+  for (int i = 0; i < kPictures; ++i) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const auto pixel = static_cast<std::size_t>(y * kWidth + x);
+        if (std::hypot(x - 80 - 2 * (CentreX(i) - 80), y - 60.0) > 11) continue;
+        ++n_gap;
+        n_certain += subjects[static_cast<std::size_t>(i)].certain.Uses(pixel);
+      }
+    }
+  }
+  // But for the very middle, which never changes.
+  EXPECT_LT(n_certain, 0.2 * n_gap);
+}
+
+TEST(CutOut, IsTransparentWhereTheBackgroundShows) {
+  io::Image picture = io::MakeImage(2, 1, 3);
+  picture.data = {1, 2, 3, 4, 5, 6};
+  const io::Image cut = sfm::CutOut(picture, {2, 1, {0, 255}});
+  EXPECT_EQ(cut.channels, 4);
+  EXPECT_EQ(cut.data, (std::vector<std::uint8_t>{1, 2, 3, 0, 4, 5, 6, 255}));
+}
+
+TEST(SubjectsOnTurntable, ACameraThatMovesLeavesNothingInItsPlace) {
   const TempDir dir;
   const io::Scene scene = SceneOf(kPictures, dir.path());
   for (int i = 0; i < kPictures; ++i) {
@@ -98,21 +158,21 @@ TEST(MasksOfMoving, ACameraThatMovesLeavesNothingInItsPlace) {
           ((k / 3 % kWidth + static_cast<std::size_t>(5 * i)) / 8 + k / 3 / kWidth / 8) % 2 == 0 ? 180 : 80;
     io::WriteImage(scene.frames[static_cast<std::size_t>(i)].image_path, image);
   }
-  EXPECT_TRUE(sfm::MasksOfMoving(scene, 1).empty());
+  EXPECT_TRUE(sfm::SubjectsOnTurntable(scene, 1).empty());
 }
 
-TEST(MasksOfMoving, NothingThatMovesOrPicturesOfTwoSizesGiveNone) {
+TEST(SubjectsOnTurntable, NothingThatMovesOrPicturesOfTwoSizesGiveNone) {
   const TempDir dir;
-  EXPECT_TRUE(sfm::MasksOfMoving({}, 1).empty());
+  EXPECT_TRUE(sfm::SubjectsOnTurntable({}, 1).empty());
   io::Scene scene = WriteTurntable(dir.path());
   io::Scene same = scene;
   same.points.clear();
   for (io::Frame& frame : same.frames) frame.image_path = scene.frames[0].image_path;
-  EXPECT_TRUE(sfm::MasksOfMoving(same, 1).empty());
+  EXPECT_TRUE(sfm::SubjectsOnTurntable(same, 1).empty());
   io::WriteImage(scene.frames[3].image_path, io::MakeImage(kWidth / 2, kHeight, 3));
-  EXPECT_TRUE(sfm::MasksOfMoving(scene, 1).empty());
+  EXPECT_TRUE(sfm::SubjectsOnTurntable(scene, 1).empty());
   fs::remove(scene.frames[5].image_path);
-  EXPECT_THROW(sfm::MasksOfMoving(scene, 1), io::Error);
+  EXPECT_THROW(sfm::SubjectsOnTurntable(scene, 1), io::Error);
 }
 
 }  // namespace

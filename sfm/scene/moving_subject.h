@@ -1,0 +1,30 @@
+// What moves before a camera that stands still: the subject on a turntable, cut out of its background.
+#pragma once
+
+#include <vector>
+
+#include "io/image/image.h"
+#include "io/image/mask.h"
+#include "io/scene/scene.h"
+
+namespace sfm {
+
+struct MovingSubject {
+  io::Mask shown;    // 255: the subject, 0: the background
+  io::Mask certain;  // 0: where either may be, around the subject's edge and where colours do not tell
+};
+
+// The subject in each picture of a turntable, whose poses are those of a camera around it. The background is
+// the colour that a pixel has most often; what differs from it is the subject. Where the subject looks the
+// same all the way round, it would pass for background itself. So what lies among points that the picture
+// observes is the subject as well, since all points lie on it, and so is what it encloses where that hardly
+// ever changes. Other gaps in it, and what has the background's colour near a point, may be either.
+//
+// Empty when the pictures differ in size or when there is no background: hardly a pixel keeps its colour, or
+// nothing moves before it. Throws kBadInput for a picture that cannot be read.
+std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threads);
+
+// The picture, of any size, with an alpha channel: transparent where the background is shown.
+io::Image CutOut(const io::Image& picture, const io::Mask& shown);
+
+}  // namespace sfm
