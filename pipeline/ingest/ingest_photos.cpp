@@ -180,10 +180,11 @@ int PhotosAtOnce(const std::vector<fs::path>& files, const IngestOptions& option
       largest = bytes, largest_file = file;
     }
   }
+  const std::size_t kept = OverlayRemoval::Bytes(files.size(), options.max_side);
   const std::string work = "ingest: " + PrintableName(largest_file.string());
-  const int known = options.memory.AtOnce(options.threads, largest, 0, work);
+  const int known = options.memory.AtOnce(options.threads, largest, kept, work);
   if (of_unknown_size <= largest) return known;
-  return std::min(known, options.memory.Fits(options.threads, of_unknown_size));
+  return std::min(known, options.memory.Fits(options.threads, of_unknown_size, kept));
 }
 
 std::vector<PhotoResult> DecodeAll(const std::vector<fs::path>& files,

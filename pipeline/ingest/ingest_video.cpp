@@ -22,7 +22,8 @@ using io::ExitCode;
 namespace fs = std::filesystem;
 
 constexpr int kMeasureSide = 640;  // [px] what io::Sharpness looks at
-constexpr int kBarFrames = 40;     // among which bars are sought
+constexpr int kBarFrames = 40;     // among which bars are sought, twice as many at most
+constexpr int kBarSide = 320;      // [px] of these frames
 constexpr double kDark = 8;        // [grey levels] a frame whose mean is below has no light
 constexpr double kMinPath = 0.02;  // [picture widths] a shorter path is a tremor of the hand
 constexpr double kCompleteShare =
@@ -37,6 +38,13 @@ struct VideoMeasure {
   int n_decoded = 0;                            // frames before and in the range
   bool reached_end = false;
 };
+
+io::Image SmallFrame(const io::Image& frame) {
+  const double scale = std::min(1.0, static_cast<double>(kBarSide) / std::max(frame.width, frame.height));
+  return io::ResizeArea(frame,
+                        std::max(1, static_cast<int>(frame.width * scale)),
+                        std::max(1, static_cast<int>(frame.height * scale)));
+}
 
 // Of a frame's width, what is not bars.
 double ContentShare(const std::vector<io::Image>& frames, int threads) {
@@ -64,7 +72,7 @@ VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
                     "frame " + std::to_string(measure.n_decoded));
     if (!in_range) continue;
     const bool is_sampled = static_cast<int>(measure.path.size()) % every == 0;
-    if (is_sampled && sampled.size() < 2 * kBarFrames) sampled.push_back(frame.image);
+    if (is_sampled && sampled.size() < 2 * kBarFrames) sampled.push_back(SmallFrame(frame.image));
     measure.path.push_back(motion.Advance(frame.image));
     measure.sharpness.push_back(io::Sharpness(frame.image));
     measure.time_s.push_back(frame.time_s);
@@ -146,7 +154,8 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
   io::VideoReader reader(video);
   options.memory.Require(
       kBytesPerPixel * static_cast<std::size_t>(reader.info().width) *
-          static_cast<std::size_t>(std::max(0, reader.info().height)),
+              static_cast<std::size_t>(std::max(0, reader.info().height)) +
+          OverlayRemoval::Bytes(static_cast<std::size_t>(options.selection.max_frames), options.max_side),
       fmt::format("ingest: {} of {} x {} pixels", name, reader.info().width, reader.info().height));
   const VideoMeasure measure = Measure(&reader, options);
 

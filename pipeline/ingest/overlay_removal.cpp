@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kCompared = 40;  // pictures, spread over the capture
+constexpr std::size_t kCompared = 30;  // pictures, spread over the capture
 constexpr int kSide = 1024;            // [px] longer side at which they are compared
 
 io::Image Cropped(const io::Image& image, const Bars& bars) {
@@ -72,6 +72,11 @@ void Describe(const Overlay& found, int width, int height, std::size_t n, Ingest
 }
 
 }  // namespace
+
+std::size_t OverlayRemoval::Bytes(std::size_t n_pictures, int max_side) {
+  const auto side = static_cast<std::size_t>(std::min(max_side, kSide));
+  return std::min(n_pictures, kCompared) * 3 * side * side;
+}
 
 void OverlayRemoval::Look(std::size_t index, const std::string& name, const io::Image& picture) {
   // The first picture of each of kCompared equal parts.

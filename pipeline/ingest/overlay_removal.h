@@ -17,6 +17,9 @@ class OverlayRemoval {
  public:
   explicit OverlayRemoval(std::size_t n_pictures) : n_pictures_(n_pictures) {}
 
+  // What it keeps at most of so many pictures whose longest side is max_side.
+  static std::size_t Bytes(std::size_t n_pictures, int max_side);
+
   // Keeps picture `index` small, where it is among those that are compared. Any thread.
   void Look(std::size_t index, const std::string& name, const io::Image& picture);
 

@@ -77,14 +77,14 @@ void CutOutSubjects(const fs::path& folder, int threads, io::Scene* scene, Stage
   std::vector<double> shares(subjects.size());
   io::ParallelFor(subjects.size(), threads, [&](std::size_t i) {
     io::ThrowIfInterrupted();
-    const auto& [shown, certain] = subjects[i];
     io::Frame& frame = scene->frames[i];
     const fs::path name = frame.image_path.filename().replace_extension(".png");
-    io::WriteImage(folder / "images" / name, sfm::CutOut(io::ReadImage(frame.image_path), shown));
-    io::WriteMask(folder / "masks" / name, certain);
+    const sfm::CutPicture cut = sfm::CutOut(io::ReadImage(frame.image_path), subjects[i]);
+    io::WriteImage(folder / "images" / name, cut.image);
+    io::WriteMask(folder / "masks" / name, cut.certain);
     frame.image_path = folder / "images" / name;
     frame.mask_path = folder / "masks" / name;
-    shares[i] = static_cast<double>(shown.UsedCount()) / static_cast<double>(shown.used.size());
+    shares[i] = subjects[i].Share();
   });
   stage->Decide(
       fmt::format("turntable: the subject is cut out of what stands still; it covers {:.0f} % of a picture",

@@ -26,7 +26,7 @@ constexpr double kMinMovingShare = 0.005, kMaxMovingShare = 0.8;
 // Regions smaller than this share of the largest are noise, a curtain, a clock.
 constexpr double kMinRegionShare = 0.1;
 // At the size of comparison: specks of 2 pixels go, and gaps of 4 close, between observed points of 16. What
-// is 8 pixels from a point may be the subject, and 2 pixels on either side of its edge may be either.
+// lies 16 pixels from a point may be the subject, and 2 pixels on either side of its edge may be either.
 constexpr int kOpening = 3, kClosing = 5, kBetweenPoints = 17, kAroundPoint = 33, kEdge = 5;
 
 constexpr std::uint8_t kYes = 255;
@@ -84,10 +84,6 @@ Background FindBackground(const std::vector<cv::Mat>& pictures, int threads) {
   return background;
 }
 
-double Share(const cv::Mat& mask) {
-  return static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
-}
-
 cv::Mat Square(int side) { return cv::getStructuringElement(cv::MORPH_RECT, {side, side}); }
 
 // Clears the regions of `mask` smaller than kMinRegionShare of the largest.
@@ -133,11 +129,11 @@ cv::Mat ObservedPoints(const io::Scene& scene, int index, cv::Size size) {
   return observed;
 }
 
-struct SmallSubject {
-  cv::Mat shown, certain;
-};
+io::Mask MaskOf(const cv::Mat& mask) {
+  return {mask.cols, mask.rows, {mask.begin<std::uint8_t>(), mask.end<std::uint8_t>()}};
+}
 
-SmallSubject Subject(const cv::Mat& picture, const cv::Mat& points, const Background& background) {
+MovingSubject Subject(const cv::Mat& picture, const cv::Mat& points, const Background& background) {
   cv::Mat shown(picture.size(), CV_8U);
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
@@ -163,13 +159,17 @@ SmallSubject Subject(const cv::Mat& picture, const cv::Mat& points, const Backgr
   cv::erode(shown, inner, Square(kEdge));
   cv::dilate(shown, outer, Square(kEdge));
   uncertain |= outer & ~inner;
-  return {shown, ~uncertain};
+  return {MaskOf(shown), MaskOf(~uncertain)};
 }
 
-io::Mask FullMask(const cv::Mat& small, cv::Size size) {
-  cv::Mat full;
-  cv::resize(small, full, size, 0, 0, cv::INTER_NEAREST);
-  return {full.cols, full.rows, {full.begin<std::uint8_t>(), full.end<std::uint8_t>()}};
+// The pixel of a mask that covers most of pixel (x, y) of a picture.
+std::size_t CoveringPixel(const io::Mask& mask, const io::Image& picture, int x, int y) {
+  const auto scaled = [](int at, int from, int to) {
+    return static_cast<int>((2 * std::int64_t{at} + 1) * to / (2 * std::int64_t{from}));
+  };
+  return static_cast<std::size_t>(scaled(y, picture.height, mask.height)) *
+             static_cast<std::size_t>(mask.width) +
+         static_cast<std::size_t>(scaled(x, picture.width, mask.width));
 }
 
 }  // namespace
@@ -184,24 +184,27 @@ std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threa
   if (std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) { return size != sizes[0]; }))
     return {};
   const Background background = FindBackground(small, threads);
-  std::vector<SmallSubject> subjects(n);
+  std::vector<MovingSubject> subjects(n);
   io::ParallelFor(n, threads, [&](std::size_t i) {
     subjects[i] = Subject(small[i], ObservedPoints(scene, static_cast<int>(i), small[i].size()), background);
   });
-  std::vector<MovingSubject> full;
-  for (const SmallSubject& subject : subjects) {
-    const double share = Share(subject.shown);
-    if (share < kMinMovingShare || share > kMaxMovingShare) return {};
-    full.push_back({FullMask(subject.shown, sizes[0]), FullMask(subject.certain, sizes[0])});
-  }
-  return full;
+  const bool is_any = std::all_of(subjects.begin(), subjects.end(), [](const MovingSubject& subject) {
+    const double share = subject.Share();
+    return share >= kMinMovingShare && share <= kMaxMovingShare;
+  });
+  return is_any ? subjects : std::vector<MovingSubject>();
 }
 
-io::Image CutOut(const io::Image& picture, const io::Mask& shown) {
-  io::Image cut = io::MakeImage(picture.width, picture.height, 4);
-  for (std::size_t i = 0; i < shown.used.size(); ++i) {
-    std::copy_n(&picture.data[i * static_cast<std::size_t>(picture.channels)], 3, &cut.data[4 * i]);
-    cut.data[4 * i + 3] = shown.used[i];
+CutPicture CutOut(const io::Image& picture, const MovingSubject& subject) {
+  CutPicture cut{io::MakeImage(picture.width, picture.height, 4),
+                 {picture.width, picture.height, std::vector<std::uint8_t>()}};
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      const std::size_t small = CoveringPixel(subject.shown, picture, x, y);
+      std::copy_n(picture.Pixel(x, y), 3, cut.image.Pixel(x, y));
+      cut.image.Pixel(x, y)[3] = subject.shown.used[small];
+      cut.certain.used.push_back(subject.certain.used[small]);
+    }
   }
   return cut;
 }

@@ -9,9 +9,14 @@
 
 namespace sfm {
 
+// At the size at which pictures are compared, 512 pixels or less.
 struct MovingSubject {
   io::Mask shown;    // 255: the subject, 0: the background
   io::Mask certain;  // 0: where either may be, around the subject's edge and where colours do not tell
+
+  double Share() const {  // of the picture
+    return static_cast<double>(shown.UsedCount()) / static_cast<double>(shown.used.size());
+  }
 };
 
 // The subject in each picture of a turntable, whose poses are those of a camera around it. The background is
@@ -24,7 +29,12 @@ struct MovingSubject {
 // nothing moves before it. Throws kBadInput for a picture that cannot be read.
 std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threads);
 
-// The picture, of any size, with an alpha channel: transparent where the background is shown.
-io::Image CutOut(const io::Image& picture, const io::Mask& shown);
+struct CutPicture {
+  io::Image image;   // transparent where the background is shown
+  io::Mask certain;  // of its size
+};
+
+// The picture, of any size, without its background.
+CutPicture CutOut(const io::Image& picture, const MovingSubject& subject);
 
 }  // namespace sfm

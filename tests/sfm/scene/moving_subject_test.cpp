@@ -140,12 +140,18 @@ TEST(SubjectsOnTurntable, AGapInTheSubjectMayBeEither) {
   EXPECT_LT(n_certain, 0.2 * n_gap);
 }
 
-TEST(CutOut, IsTransparentWhereTheBackgroundShows) {
-  io::Image picture = io::MakeImage(2, 1, 3);
-  picture.data = {1, 2, 3, 4, 5, 6};
-  const io::Image cut = sfm::CutOut(picture, {2, 1, {0, 255}});
-  EXPECT_EQ(cut.channels, 4);
-  EXPECT_EQ(cut.data, (std::vector<std::uint8_t>{1, 2, 3, 0, 4, 5, 6, 255}));
+TEST(CutOut, IsTransparentWhereTheBackgroundShowsAtAnySize) {
+  io::Image picture = io::MakeImage(4, 2, 3);
+  std::iota(picture.data.begin(), picture.data.end(), std::uint8_t{1});
+  const sfm::CutPicture cut = sfm::CutOut(picture, {{2, 1, {0, 255}}, {2, 1, {255, 0}}});
+  ASSERT_EQ(cut.image.channels, 4);
+  for (int y = 0; y < 2; ++y) {
+    for (int x = 0; x < 4; ++x) {
+      for (int c = 0; c < 3; ++c) EXPECT_EQ(cut.image.Pixel(x, y)[c], picture.Pixel(x, y)[c]);
+      EXPECT_EQ(cut.image.Pixel(x, y)[3], x < 2 ? 0 : 255);
+      EXPECT_EQ(cut.certain.Uses(static_cast<std::size_t>(4 * y + x)), x < 2);
+    }
+  }
 }
 
 TEST(SubjectsOnTurntable, ACameraThatMovesLeavesNothingInItsPlace) {
