@@ -80,8 +80,7 @@ std::size_t OverlayRemoval::Bytes(std::size_t n_pictures, int max_side) {
 
 void OverlayRemoval::Look(std::size_t index, const std::string& name, const io::Image& picture) {
   // The first picture of each of kCompared equal parts.
-  const bool is_compared =
-      index == 0 || index * kCompared / n_pictures_ != (index - 1) * kCompared / n_pictures_;
+  const bool is_compared = index * kCompared % n_pictures_ < kCompared;
   // Transparency says itself what does not count.
   if (!is_compared || picture.channels != 3) return;
   const double scale = std::min(1.0, static_cast<double>(kSide) / std::max(picture.width, picture.height));

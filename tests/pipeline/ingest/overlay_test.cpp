@@ -3,6 +3,7 @@
 
 #include "io/image/image.h"
 #include "io/image/mask.h"
+#include "pipeline/ingest/overlay_removal.h"
 #include "tests/support/files/ingest_fixture.h"
 
 namespace {
@@ -180,6 +181,19 @@ TEST_F(IngestOverlay, PhotosLoseTheirBarsAndAMaskLeavesTheMarkOut) {
     EXPECT_EQ(left_out.at<std::uint8_t>(40, 10) != 0, name == "img3.png") << name;
     EXPECT_EQ(left_out.at<std::uint8_t>(40, 30), 0) << name;
   }
+}
+
+TEST_F(IngestOverlay, ThirtyPhotosOfAllTheCaptureAreCompared) {
+  // Every second one of sixty, and these have the mark.
+  for (int i = 0; i < 60; ++i) {
+    cv::Mat view = texture_(cv::Rect(25 * i, 20, kWidth, kHeight)).clone();
+    if (i % 2 == 0) view(mark_).setTo(cv::Scalar(40, 220, 250));
+    WritePhoto("img" + std::to_string(i) + ".jpg", view);
+  }
+  ASSERT_EQ(Run(photos()), 0) << message_;
+  EXPECT_TRUE(Says("60 pictures never change")) << message_;
+  EXPECT_EQ(pipeline::OverlayRemoval::Bytes(60, 1600), std::size_t{30 * 3 * 1024 * 1024});
+  EXPECT_EQ(pipeline::OverlayRemoval::Bytes(20, 100), std::size_t{20 * 3 * 100 * 100});
 }
 
 TEST_F(IngestOverlay, VideosAreTreatedAlike) {
