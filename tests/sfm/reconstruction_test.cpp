@@ -6,13 +6,11 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
-#include <map>
 
 #include "io/base/error.h"
 #include "io/image/mask.h"
 #include "io/process/process.h"
 #include "sfm/colmap/colmap_database.h"
-#include "sfm/synthetic/synthetic_capture.h"
 #include "tests/support/files/small_capture.h"
 #include "tests/support/programs/forked_ranks.h"
 #include "tests/support/programs/require_program.h"
@@ -169,16 +167,6 @@ TEST_F(SmallCapture, AnEarlierAttemptIsJudgedByItsOwnKeypoints) {
       0.1 * static_cast<double>(observations.size()));
 }
 
-// What the run is refused with.
-sfm::Refusal RefusalOf(const std::function<void()>& run) {
-  try {
-    run();
-  } catch (const sfm::NotReconstructible& error) {
-    return error.refusal();
-  }
-  throw std::runtime_error("accepted, expected a refusal");
-}
-
 TEST_F(SmallCapture, ACameraThatOnlyTurnsHasNoBaseline) {
   REQUIRE_PROGRAM("colmap");
   for (int i = 0; i < 7; ++i) {
@@ -228,55 +216,6 @@ TEST_F(SmallCapture, PairsAreChosenByNumberAndKind) {
   EXPECT_EQ(decide(31, false, "auto").substr(0, 38), "matching 59 of 465 pairs: the most ali");
   EXPECT_EQ(decide(31, true, "auto").substr(0, 38), "matching 212 of 465 pairs: following f");
   EXPECT_EQ(decide(31, true, "exhaustive"), "matching all 465 pairs of 31 pictures");
-}
-
-// Captures of numbers instead of pictures, from their matches on.
-class GeneratedCapture : public SmallCapture {
- protected:
-  sfm::Reconstruction Run(const sfm::CaptureOptions& options,
-                          const sfm::ReconstructionOptions& how = {.threads = 2}) {
-    const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture(options);
-    pictures_ = capture.pictures;
-    return sfm::ReconstructMatches(
-        pictures_, capture.features, capture.matches, folder_ / "work", how, [this](const std::string& line) {
-          decisions_.push_back(line);
-        });
-  }
-};
-
-// Parallel cameras on a line do not tell the focal length; an overlay stands still in all pictures.
-TEST_F(GeneratedCapture, OverlaysAreRemovedAndKnownFocalLengthsKept) {
-  REQUIRE_PROGRAM("colmap");
-  const sfm::Reconstruction result = Run({.trajectory = sfm::Trajectory::kLine,
-                                          .pictures = 8,
-                                          .points = 150,
-                                          .baseline = 0.15,
-                                          .noise_px = 0.5,
-                                          .outliers = sfm::Outliers::kStaticOverlay,
-                                          .outlier_share = 0.4});
-  EXPECT_EQ(result.model.scene.frames.size(), 8u);
-  EXPECT_EQ(Decided("matches that stand still in the picture"), 1);
-  EXPECT_EQ(Decided("background stands still while the subject turns"), 1);
-  EXPECT_EQ(Decided("the background contradicts them"), 1);
-  EXPECT_TRUE(result.turntable);
-  EXPECT_NEAR(result.stationary_share, 0.4, 0.05);
-  EXPECT_EQ(Decided("held at 1280 px (known)"), 1);
-  EXPECT_EQ(Decided("a focal length per picture"), 0) << "one picture tells it even less";
-}
-
-TEST_F(GeneratedCapture, WhereSidesLookAlikeOnlyFollowingPicturesAreTrusted) {
-  REQUIRE_PROGRAM("colmap");
-  const sfm::CaptureOptions box{
-      .structure = sfm::Structure::kIdenticalSides, .pictures = 16, .points = 400, .noise_px = 0.5};
-  EXPECT_EQ(RefusalOf([&] { Run(box); }).cause, RefusalCause::kContradictedPoses);
-  EXPECT_EQ(Decided("trying again with following pictures only"), 1);
-  std::map<std::string, int> position;
-  for (const sfm::Picture& picture : pictures_) position.emplace(picture.name, position.size());
-  const auto pairs = sfm::ReadVerifiedPairs(folder_ / "work" / "attempt2" / "database.db");
-  EXPECT_GT(pairs.size(), 15u);
-  for (const sfm::VerifiedPair& pair : pairs) {
-    EXPECT_LE(std::abs(position[pair.name_a] - position[pair.name_b]), 3);
-  }
 }
 
 TEST_F(SmallCapture, BlankPicturesHaveNoTexture) {

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -125,6 +127,16 @@ class SmallCapture : public testing::Test {
         pictures_, folder_ / "images", folder_ / "work", options, [this](const std::string& line) {
           decisions_.push_back(line);
         });
+  }
+
+  // What the run is refused with.
+  static sfm::Refusal RefusalOf(const std::function<void()>& run) {
+    try {
+      run();
+    } catch (const sfm::NotReconstructible& error) {
+      return error.refusal();
+    }
+    throw std::runtime_error("accepted, expected a refusal");
   }
 
   std::filesystem::path folder_;

@@ -1,0 +1,102 @@
+// Captures of numbers instead of pictures, reconstructed from their matches on.
+#include <algorithm>
+#include <map>
+
+#include "sfm/reconstruction.h"
+#include "sfm/synthetic/synthetic_capture.h"
+#include "tests/support/files/small_capture.h"
+#include "tests/support/programs/require_program.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+class GeneratedCapture : public SmallCapture {
+ protected:
+  sfm::Reconstruction Run(const sfm::CaptureOptions& options,
+                          const sfm::ReconstructionOptions& how = {.threads = 2}) {
+    return Run(sfm::MakeSyntheticCapture(options), how);
+  }
+  sfm::Reconstruction Run(const sfm::SyntheticCapture& capture,
+                          const sfm::ReconstructionOptions& how = {.threads = 2}) {
+    pictures_ = capture.pictures;
+    return sfm::ReconstructMatches(
+        pictures_, capture.features, capture.matches, folder_ / "work", how, [this](const std::string& line) {
+          decisions_.push_back(line);
+        });
+  }
+};
+
+// A ring without pictures 12 to 14, so that its order leaps over 72 degrees. What lies beyond shares few
+// points with the rest: so few that it could as well be another place like this one.
+sfm::SyntheticCapture LeapingRing(std::size_t n_shared) {
+  sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture({.pictures = 20, .points = 600});
+  // The first keypoints of a picture are the points that it sees.
+  std::map<std::pair<int, int>, std::size_t> point_of;  // by picture and keypoint
+  std::vector<int> n_keypoints(20, 0);
+  for (std::size_t p = 0; p < capture.truth.points.size(); ++p) {
+    for (const int picture : capture.truth.points[p].frame_indices)
+      point_of[{picture, n_keypoints[static_cast<std::size_t>(picture)]++}] = p;
+  }
+  const auto is_gone = [](int picture) { return picture >= 12 && picture < 15; };
+  std::erase_if(capture.matches, [&](const auto& pair) { return is_gone(pair.a) || is_gone(pair.b); });
+  for (sfm::PairMatches& pair : capture.matches) {
+    if (pair.a < 12 && pair.b >= 15) {
+      std::erase_if(pair.matches, [&](const std::array<int, 2>& match) {
+        return point_of.at({pair.a, match[0]}) >= n_shared;
+      });
+    }
+    for (int* picture : {&pair.a, &pair.b}) *picture -= *picture >= 15 ? 3 : 0;
+  }
+  capture.pictures.erase(capture.pictures.begin() + 12, capture.pictures.begin() + 15);
+  capture.features.erase(capture.features.begin() + 12, capture.features.begin() + 15);
+  return capture;
+}
+
+TEST_F(GeneratedCapture, WhatLiesBeyondALeapOfTheWalkIsTakenOut) {
+  REQUIRE_PROGRAM("colmap");
+  for (const bool is_held : {false, true}) {
+    const sfm::Reconstruction result = Run(LeapingRing(is_held ? 200 : 45));
+    EXPECT_EQ(result.model.scene.frames.size(), is_held ? 17u : 12u);
+    EXPECT_EQ(Decided("5 pictures taken out"), is_held ? 0 : 1);
+    decisions_.clear();
+    fs::remove_all(folder_ / "work");
+  }
+}
+
+// Parallel cameras on a line do not tell the focal length; an overlay stands still in all pictures.
+TEST_F(GeneratedCapture, OverlaysAreRemovedAndKnownFocalLengthsKept) {
+  REQUIRE_PROGRAM("colmap");
+  const sfm::Reconstruction result = Run({.trajectory = sfm::Trajectory::kLine,
+                                          .pictures = 8,
+                                          .points = 150,
+                                          .baseline = 0.15,
+                                          .noise_px = 0.5,
+                                          .outliers = sfm::Outliers::kStaticOverlay,
+                                          .outlier_share = 0.4});
+  EXPECT_EQ(result.model.scene.frames.size(), 8u);
+  EXPECT_EQ(Decided("matches that stand still in the picture"), 1);
+  EXPECT_EQ(Decided("background stands still while the subject turns"), 1);
+  EXPECT_EQ(Decided("the background contradicts them"), 1);
+  EXPECT_TRUE(result.turntable);
+  EXPECT_NEAR(result.stationary_share, 0.4, 0.05);
+  EXPECT_EQ(Decided("held at 1280 px (known)"), 1);
+  EXPECT_EQ(Decided("a focal length per picture"), 0) << "one picture tells it even less";
+}
+
+TEST_F(GeneratedCapture, WhereSidesLookAlikeOnlyFollowingPicturesAreTrusted) {
+  REQUIRE_PROGRAM("colmap");
+  const sfm::CaptureOptions box{
+      .structure = sfm::Structure::kIdenticalSides, .pictures = 16, .points = 400, .noise_px = 0.5};
+  EXPECT_EQ(RefusalOf([&] { Run(box); }).cause, sfm::RefusalCause::kContradictedPoses);
+  EXPECT_EQ(Decided("trying again with following pictures only"), 1);
+  std::map<std::string, int> position;
+  for (const sfm::Picture& picture : pictures_) position.emplace(picture.name, position.size());
+  const auto pairs = sfm::ReadVerifiedPairs(folder_ / "work" / "attempt2" / "database.db");
+  EXPECT_GT(pairs.size(), 15u);
+  for (const sfm::VerifiedPair& pair : pairs) {
+    EXPECT_LE(std::abs(position[pair.name_a] - position[pair.name_b]), 3);
+  }
+}
+
+}  // namespace
