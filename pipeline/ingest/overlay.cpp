@@ -146,6 +146,10 @@ cv::Mat Marks(const cv::Mat& still, const cv::Mat& spread) {
   cv::Mat marks = cv::Mat::zeros(still.size(), CV_8U);
   for (int i = 1; i < n; ++i) {
     if (stats.at<int>(i, cv::CC_STAT_AREA) < kMinPixels) continue;
+    // A backdrop around something round, which turns.
+    if (stats.at<int>(i, cv::CC_STAT_WIDTH) == still.cols &&
+        stats.at<int>(i, cv::CC_STAT_HEIGHT) == still.rows)
+      continue;
     // One pixel wider, so that its edge is inside of the picture cut out.
     const cv::Rect box = cv::Rect(stats.at<int>(i, cv::CC_STAT_LEFT) - 1,
                                   stats.at<int>(i, cv::CC_STAT_TOP) - 1,

@@ -28,8 +28,8 @@ inline constexpr int kMinOverlayPictures = 20;
 // The overlay of pictures of one size, all of it in pixels of that size. A pixel stands still where nine in
 // ten pictures have the same colour. A wall or a night sky does so too, but at its edge the pictures change
 // their minds one by one; an overlay ends within a few pixels, beyond which they differ. The same goes for
-// bars, whose inner neighbours are not black. What covers more than half of the picture is a background, and
-// no overlay. Empty for fewer than kMinOverlayPictures.
+// bars, whose inner neighbours are not black. What reaches all four sides, or covers more than half of the
+// picture, is a background, and no overlay. Empty for fewer than kMinOverlayPictures.
 Overlay FindOverlay(const std::vector<io::Image>& pictures, int threads);
 
 // The overlay at another size of the same pictures, its bars rounded up and its mask a margin wider.

@@ -119,6 +119,22 @@ TEST(Overlay, ABackgroundIsNone) {
   }
 }
 
+TEST(Overlay, ABackdropAroundABallIsNone) {
+  // The ball turns on the spot, and fills more than half of the picture.
+  for (const int right : {kWidth, kWidth - 1}) {
+    auto pictures = Noise();
+    for (io::Image& picture : pictures) {
+      cv::Mat backdrop(kHeight, kWidth, CV_8UC3, cv::Scalar(250, 200, 30)), ball(kHeight, kWidth, CV_8U);
+      ball.setTo(0);
+      cv::ellipse(ball, {80, 60}, {70, 52}, 0, 0, 360, 255, cv::FILLED);
+      ball.colRange(right, kWidth).setTo(255);  // with it the backdrop reaches three sides only
+      Mat(&picture).copyTo(backdrop, ball);
+      backdrop.copyTo(Mat(&picture));
+    }
+    EXPECT_EQ(IsEmpty(Find(pictures)), right == kWidth);
+  }
+}
+
 TEST(Overlay, SpecksStay) {
   for (const int height : {3, 4}) {
     auto pictures = Noise();
