@@ -94,7 +94,9 @@ void OverlayRemoval::Look(std::size_t index, const std::string& name, const io::
 void OverlayRemoval::Apply(const fs::path& folder, int threads, IngestReport* report) const {
   std::map<std::pair<int, int>, std::vector<KeptPicture*>> sizes;
   for (KeptPicture& picture : report->frames.kept) sizes[{picture.width, picture.height}].push_back(&picture);
-  for (const auto& [size, pictures] : sizes) {
+  for (const auto& entry : sizes) {
+    const auto [width, height] = entry.first;
+    const std::vector<KeptPicture*>& pictures = entry.second;
     std::vector<io::Image> looks;
     for (const KeptPicture* picture : pictures) {
       const auto look = looks_.find(picture->name);
@@ -102,7 +104,7 @@ void OverlayRemoval::Apply(const fs::path& folder, int threads, IngestReport* re
     }
     const Overlay found = FindOverlay(looks, threads);
     if (!found.bars.Any() && found.mask.used.empty()) continue;
-    const Overlay overlay = ResizedOverlay(found, looks[0].width, looks[0].height, size.first, size.second);
+    const Overlay overlay = ResizedOverlay(found, looks[0].width, looks[0].height, width, height);
     io::ParallelFor(pictures.size(), threads, [&](std::size_t i) {
       io::ThrowIfInterrupted();
       Remove(overlay, folder, pictures[i]);
