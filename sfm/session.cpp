@@ -142,6 +142,8 @@ Reconstruction Session::Finish() {
   Adjust();
   RefuseUnusable();
   DropUncertainPictures();
+  const int n_left = static_cast<int>(result_.model.scene.frames.size());
+  if (n_left < kMinRegisteredShare * n()) throw NotReconstructible(ExplainFailure(best_->evidence, n_left));
   std::vector<std::size_t> sizes;
   for (const io::ColmapModel& model : best_->models) sizes.push_back(model.scene.frames.size());
   decide_(fmt::format(

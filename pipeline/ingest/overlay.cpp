@@ -192,6 +192,7 @@ Overlay FindOverlay(const std::vector<io::Image>& pictures, int threads) {
   const Bars cut = Widened(bars);
   const cv::Rect content(
       cut.left, cut.top, size.width - cut.left - cut.right, size.height - cut.top - cut.bottom);
+  if (content.width <= 0 || content.height <= 0) return {};  // pictures of a few pixels
   const cv::Mat marks = Marks(variation.still(content), variation.spread(content));
   const double covered = cv::countNonZero(marks) / static_cast<double>(marks.total());
   if (covered == 0 || covered > kMaxCovered) return overlay;

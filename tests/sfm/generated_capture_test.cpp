@@ -27,9 +27,9 @@ class GeneratedCapture : public SmallCapture {
   }
 };
 
-// A ring without pictures 12 to 14, so that its order leaps over 72 degrees. What lies beyond shares few
-// points with the rest: so few that it could as well be another place like this one.
-sfm::SyntheticCapture LeapingRing(std::size_t n_shared) {
+// A ring that lacks 4 of 20 pictures after n_near, so that its order leaps over 90 degrees. What lies beyond
+// shares few points with the rest: so few that it could as well be another place like this one.
+sfm::SyntheticCapture LeapingRing(std::size_t n_shared, int n_near) {
   sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture({.pictures = 20, .points = 600});
   // The first keypoints of a picture are the points that it sees.
   std::map<std::pair<int, int>, std::size_t> point_of;  // by picture and keypoint
@@ -38,30 +38,37 @@ sfm::SyntheticCapture LeapingRing(std::size_t n_shared) {
     for (const int picture : capture.truth.points[p].frame_indices)
       point_of[{picture, n_keypoints[static_cast<std::size_t>(picture)]++}] = p;
   }
-  const auto is_gone = [](int picture) { return picture >= 12 && picture < 15; };
+  const auto is_gone = [&](int picture) { return picture >= n_near && picture < n_near + 4; };
   std::erase_if(capture.matches, [&](const auto& pair) { return is_gone(pair.a) || is_gone(pair.b); });
   for (sfm::PairMatches& pair : capture.matches) {
-    if (pair.a < 12 && pair.b >= 15) {
+    if (pair.a < n_near && pair.b >= n_near) {
       std::erase_if(pair.matches, [&](const std::array<int, 2>& match) {
         return point_of.at({pair.a, match[0]}) >= n_shared;
       });
     }
-    for (int* picture : {&pair.a, &pair.b}) *picture -= *picture >= 15 ? 3 : 0;
+    for (int* picture : {&pair.a, &pair.b}) *picture -= *picture >= n_near ? 4 : 0;
   }
-  capture.pictures.erase(capture.pictures.begin() + 12, capture.pictures.begin() + 15);
-  capture.features.erase(capture.features.begin() + 12, capture.features.begin() + 15);
+  capture.pictures.erase(capture.pictures.begin() + n_near, capture.pictures.begin() + n_near + 4);
+  capture.features.erase(capture.features.begin() + n_near, capture.features.begin() + n_near + 4);
   return capture;
 }
 
 TEST_F(GeneratedCapture, WhatLiesBeyondALeapOfTheWalkIsTakenOut) {
   REQUIRE_PROGRAM("colmap");
   for (const bool is_held : {false, true}) {
-    const sfm::Reconstruction result = Run(LeapingRing(is_held ? 200 : 45));
-    EXPECT_EQ(result.model.scene.frames.size(), is_held ? 17u : 12u);
-    EXPECT_EQ(Decided("5 pictures taken out"), is_held ? 0 : 1);
+    const sfm::Reconstruction result = Run(LeapingRing(is_held ? 200 : 45, 12));
+    EXPECT_EQ(result.model.scene.frames.size(), is_held ? 16u : 12u);
+    EXPECT_EQ(Decided("4 pictures taken out"), is_held ? 0 : 1);
     decisions_.clear();
     fs::remove_all(folder_ / "work");
   }
+}
+
+TEST_F(GeneratedCapture, WhatALeapLeavesMustBeMoreThanAFragment) {
+  REQUIRE_PROGRAM("colmap");
+  const sfm::Refusal refusal = RefusalOf([&] { Run(LeapingRing(45, 9)); });
+  EXPECT_EQ(Decided("7 pictures taken out"), 1);
+  EXPECT_NE(refusal.figures.find("only 9 fit together"), std::string::npos) << refusal.figures;
 }
 
 // Parallel cameras on a line do not tell the focal length; an overlay stands still in all pictures.

@@ -143,6 +143,15 @@ TEST(Overlay, SpecksStay) {
   }
 }
 
+TEST(Overlay, PicturesOfAFewPixelsHaveNone) {
+  // Bars of 4 of 10 pixels, and the lines next to them, leave nothing.
+  for (const int side : {3, 4}) {
+    io::Image picture = io::MakeImage(10, 10, 3);
+    Mat(&picture).colRange(side, 10 - side).setTo(200);
+    EXPECT_EQ(Find(std::vector(kPictures, picture)).bars.left, side == 3 ? 3 : 0);
+  }
+}
+
 TEST(Overlay, FewPicturesTellNothing) {
   for (const int n : {19, 20}) {
     auto pictures = Noise(n);
