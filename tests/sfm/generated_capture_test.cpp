@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 
+#include "sfm/colmap/colmap_database.h"
 #include "sfm/reconstruction.h"
 #include "sfm/synthetic/synthetic_capture.h"
 #include "tests/support/files/small_capture.h"

@@ -10,7 +10,6 @@
 #include "io/base/error.h"
 #include "io/image/mask.h"
 #include "io/process/process.h"
-#include "sfm/colmap/colmap_database.h"
 #include "tests/support/files/small_capture.h"
 #include "tests/support/programs/forked_ranks.h"
 #include "tests/support/programs/require_program.h"
