@@ -72,12 +72,9 @@ class HullCarver {
              OccupancyGrid* grid)
       : projectors_(projectors), counts_(counts), contraction_(contraction), grid_(grid) {}
 
-  // Marks the cells of the block with the given first cell and side, and widens the box around the
-  // candidates. views: those that do not see all of it on opaque pixels.
-  void Carve(const std::array<int, 3>& first,
-             int side,
-             const std::vector<std::size_t>& views,
-             std::array<float, 6>* box) const {
+  // Marks the cells of the block with the given first cell and side. views: those that do not see all of it
+  // on opaque pixels.
+  void Carve(const std::array<int, 3>& first, int side, const std::vector<std::size_t>& views) const {
     std::vector<std::size_t> undecided;
     const Coverage coverage = CoverageOf(first, side, views, &undecided);
     if (coverage == Coverage::kNone || coverage == Coverage::kAll || side == 1) {
@@ -88,12 +85,6 @@ class HullCarver {
             empty ? grid_->SetEmpty(CellOf({x, y, z})) : grid_->SetCandidate(CellOf({x, y, z}));
         }
       }
-      if (empty) return;
-      const float cell_size = 1.f / static_cast<float>(grid_->resolution());
-      for (std::size_t i = 0; i < 3; ++i) {
-        (*box)[i] = std::min((*box)[i], static_cast<float>(first[i]) * cell_size);
-        (*box)[i + 3] = std::max((*box)[i + 3], static_cast<float>(first[i] + side) * cell_size);
-      }
     } else {
       const int half = side / 2;
       for (int child = 0; child < 8; ++child) {
@@ -101,8 +92,7 @@ class HullCarver {
                first[1] + (child >> 1 & 1) * half,
                first[2] + (child >> 2) * half},
               half,
-              undecided,
-              box);
+              undecided);
       }
     }
   }
@@ -191,6 +181,7 @@ class FrustumCarver {
       if (distance2 < near_ * near_) close.push_back(v);
     }
     for (const Cell& cell : cells) {
+      if (grid_->IsNeverOccupied(cell.index)) continue;
       SeenByTwo(cell.points, facing) && !SeenThrough(cell.points, close) ? grid_->SetCandidate(cell.index)
                                                                          : grid_->SetEmpty(cell.index);
     }
@@ -227,11 +218,11 @@ class FrustumCarver {
 
 }  // namespace
 
-std::array<float, 6> CarveByMasks(const io::Scene& scene,
-                                  const Dataset& dataset,
-                                  const SceneContraction& contraction,
-                                  io::Workers* workers,
-                                  OccupancyGrid* grid) {
+void CarveByMasks(const io::Scene& scene,
+                  const Dataset& dataset,
+                  const SceneContraction& contraction,
+                  io::Workers* workers,
+                  OccupancyGrid* grid) {
   PIPELINE_CHECK_EQ(dataset.channels, 4);
   PIPELINE_CHECK(!contraction.unbounded);  // blocks of a contracted cube have no common radius
   const std::size_t n_views = dataset.views.size();
@@ -247,20 +238,11 @@ std::array<float, 6> CarveByMasks(const io::Scene& scene,
   const int per_axis = grid->resolution() / kBlock;
   std::vector<std::size_t> all(n_views);
   std::iota(all.begin(), all.end(), std::size_t{0});
-  std::vector<std::array<float, 6>> boxes(static_cast<std::size_t>(per_axis * per_axis * per_axis),
-                                          {1, 1, 1, 0, 0, 0});
-  workers->Run(static_cast<int>(boxes.size()), [&](int i, int) {
+  workers->Run(per_axis * per_axis * per_axis, [&](int i, int) {
     carver.Carve({i % per_axis * kBlock, i / per_axis % per_axis * kBlock, i / per_axis / per_axis * kBlock},
                  kBlock,
-                 all,
-                 &boxes[static_cast<std::size_t>(i)]);
+                 all);
   });
-  std::array<float, 6> box = {1, 1, 1, 0, 0, 0};
-  for (const auto& b : boxes) {
-    for (std::size_t i = 0; i < 3; ++i)
-      box[i] = std::min(box[i], b[i]), box[i + 3] = std::max(box[i + 3], b[i + 3]);
-  }
-  return box;
 }
 
 void CarveByFrusta(const io::Scene& scene,

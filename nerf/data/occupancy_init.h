@@ -9,14 +9,13 @@ namespace nerf {
 
 // Pictures with alpha: the visual hull. A cell is empty when some view sees all of it inside the picture on
 // fully transparent pixels (tested on the square that encloses the cell's projection, so thin parts survive).
-// Returns the smallest box, in unit coordinates, that holds all other cells: min x, y, z, max x, y, z.
-std::array<float, 6> CarveByMasks(const io::Scene& scene,
-                                  const Dataset& dataset,
-                                  const SceneContraction& contraction,
-                                  io::Workers* workers,
-                                  OccupancyGrid* grid);
+void CarveByMasks(const io::Scene& scene,
+                  const Dataset& dataset,
+                  const SceneContraction& contraction,
+                  io::Workers* workers,
+                  OccupancyGrid* grid);
 
-// Opaque pictures. A cell is empty when
+// Pictures without alpha, or with masks. A cell is empty when it was before, or
 //   - fewer than two views see it at a distance beyond `near`, since one view alone cannot tell depth; or
 //   - some view sees it nearer than `near`. That view renders nothing there, so nothing keeps a few other
 //   views

@@ -67,20 +67,37 @@ struct Space {
   double footprint = 0;  // of a pixel, at the centre
 };
 
-// Shrinks the cube to that around the visual hull.
-void ShrinkToHull(const io::Scene& scene,
-                  const Dataset& dataset,
-                  io::Workers* workers,
-                  SceneContraction* contraction) {
-  OccupancyGrid hull(kHullResolution, *contraction);
-  const std::array<float, 6> box = CarveByMasks(scene, dataset, *contraction, workers, &hull);
+bool HasMasks(const io::Scene& scene) {
+  return std::any_of(scene.frames.begin(), scene.frames.end(), [](const io::Frame& frame) {
+    return !frame.mask_path.empty();
+  });
+}
+
+// What the pictures alone say about empty space.
+void Carve(const io::Scene& scene,
+           const Dataset& dataset,
+           const Space& space,
+           io::Workers* workers,
+           OccupancyGrid* grid) {
+  const bool has_alpha = dataset.channels == 4;
+  if (has_alpha) CarveByMasks(scene, dataset, space.contraction, workers, grid);
+  if (!has_alpha || HasMasks(scene))
+    CarveByFrusta(scene, dataset, space.contraction, space.sampling.near, workers, grid);
+}
+
+// Shrinks the bounded cube to that around the cells that may be occupied.
+void ShrinkToHull(const io::Scene& scene, const Dataset& dataset, io::Workers* workers, Space* space) {
+  SceneContraction& contraction = space->contraction;
+  OccupancyGrid hull(kHullResolution, contraction);
+  Carve(scene, dataset, *space, workers, &hull);
+  const std::array<float, 6> box = hull.CandidateBox();
   float low[3], high[3], side = 0;
-  contraction->FromUnit(&box[0], low);
-  contraction->FromUnit(&box[3], high);
+  contraction.FromUnit(&box[0], low);
+  contraction.FromUnit(&box[3], high);
   for (int i = 0; i < 3; ++i) side = std::max(side, high[i] - low[i]);
   if (side <= 0) return;
-  for (std::size_t i = 0; i < 3; ++i) contraction->centre[i] = 0.5f * (low[i] + high[i]);
-  contraction->half = 0.5f * side;
+  for (std::size_t i = 0; i < 3; ++i) contraction.centre[i] = 0.5f * (low[i] + high[i]);
+  contraction.half = 0.5f * side;
 }
 
 double FootprintAtCentre(const io::Scene& scene, const SceneContraction& contraction) {
@@ -90,10 +107,10 @@ double FootprintAtCentre(const io::Scene& scene, const SceneContraction& contrac
 
 Space BoundedSpace(const io::Scene& scene, const Dataset& dataset, io::Workers* workers) {
   Space space{.contraction = SceneContraction::FromScene(scene, false)};
-  ShrinkToHull(scene, dataset, workers, &space.contraction);
-  space.footprint = FootprintAtCentre(scene, space.contraction);
   space.sampling.near = static_cast<float>(0.5 * scene.near);
   space.sampling.far = static_cast<float>(scene.far);
+  ShrinkToHull(scene, dataset, workers, &space);
+  space.footprint = FootprintAtCentre(scene, space.contraction);
   space.sampling.step_size = static_cast<float>(kIntervalPixels * space.footprint);
   return space;
 }
@@ -213,12 +230,8 @@ std::unique_ptr<SceneField> MakeSceneField(const io::Scene& scene,
       std::make_unique<SceneField>(space.contraction, space.sampling, std::move(field), grid_resolution);
   result->background = dataset.background;
   std::size_t n_sight_lines = 0;
-  if (has_alpha) {
-    CarveByMasks(scene, dataset, space.contraction, workers, &result->grid);
-  } else {
-    CarveByFrusta(scene, dataset, space.contraction, space.sampling.near, workers, &result->grid);
-    n_sight_lines = CarveBySightLines(scene, space.contraction, workers, &result->grid);
-  }
+  Carve(scene, dataset, space, workers, &result->grid);
+  if (!has_alpha) n_sight_lines = CarveBySightLines(scene, space.contraction, workers, &result->grid);
   result->grid.Rebuild();
   *derivation = Derivation(space, size, *result);
   if (!has_alpha)

@@ -38,6 +38,8 @@ constexpr double kFramingPower = 4, kFramingAngle = 15 * kDeg;
 constexpr double kLeastDistance = 0.75;
 // Steps in which that is sought.
 constexpr double kArcStep = 3 * kDeg;
+// Cameras beyond either end of an arc: two, when there are plenty.
+constexpr std::size_t kMaxBeyond = 2, kCamerasPerBeyond = 16;
 // Straight above the focus an upright camera has no direction to lean.
 constexpr double kMaxElevation = 80 * kDeg;
 // Half axes of the sway in standard deviations of the cameras: 0.6 of the half width of evenly filled ground,
@@ -148,6 +150,19 @@ double BestRing(const std::vector<Spherical>& cameras, double sigma) {
   return best;
 }
 
+// Without the way of the outermost cameras at either end: there a picture of the path, which looks as the
+// cameras nearby do in the mean, would have corners that none of them saw.
+Arc BetweenCameras(const std::vector<Spherical>& cameras, const Arc& arc) {
+  std::vector<double> ways;  // along the arc
+  for (const Spherical& camera : cameras)
+    ways.push_back(std::clamp(
+        WrapAngle(camera.azimuth - arc.start - 0.5 * arc.length) + 0.5 * arc.length, 0.0, arc.length));
+  std::sort(ways.begin(), ways.end());
+  const std::size_t beyond = std::min(kMaxBeyond, ways.size() / kCamerasPerBeyond);
+  const double first = ways[beyond], last = ways[ways.size() - 1 - beyond];
+  return {arc.start + first, last - first, arc.largest_inner_gap};
+}
+
 // The part of an arc between the first and the last place from which the subject is seen whole.
 Arc WithWholeSubject(const std::vector<Spherical>& cameras, const Arc& arc, double sigma) {
   std::vector<double> distances;
@@ -174,7 +189,7 @@ void FitOrbit(const std::vector<io::Rigid3d>& cameras, int frames, CameraPath* p
   const bool closed = 2 * kPi - arc.length < kOpenGap;
   path->kind = closed ? PathKind::kOrbit : PathKind::kArc;
   const double sigma = std::max(kSmoothing, 0.5 * arc.largest_inner_gap);
-  if (!closed) arc = WithWholeSubject(around, arc, sigma);
+  if (!closed) arc = WithWholeSubject(around, BetweenCameras(around, arc), sigma);
   path->arc_deg = closed ? 360 : arc.length / kDeg;
   const double start = closed ? around.front().azimuth : arc.start;
   // An arc swings up and down through all elevations; an orbit keeps to one.

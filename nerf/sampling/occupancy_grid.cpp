@@ -49,6 +49,17 @@ std::vector<std::uint32_t> OccupancyGrid::Candidates() const {
   return cells;
 }
 
+std::array<float, 6> OccupancyGrid::CandidateBox() const {
+  std::array<float, 6> box = {1, 1, 1, 0, 0, 0};
+  const float half = 0.5f / static_cast<float>(resolution_);
+  for (const std::uint32_t cell : Candidates()) {
+    const std::array<float, 3> centre = CellCentre(cell);
+    for (std::size_t i = 0; i < 3; ++i)
+      box[i] = std::min(box[i], centre[i] - half), box[i + 3] = std::max(box[i + 3], centre[i] + half);
+  }
+  return box;
+}
+
 float OccupancyGrid::Threshold(std::uint32_t cell) const {
   float size = contraction_.InnerSide() / static_cast<float>(resolution_);
   if (contraction_.unbounded) {

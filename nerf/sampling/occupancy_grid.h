@@ -60,6 +60,9 @@ class OccupancyGrid {
   void SetEmpty(std::uint32_t cell) { density_[cell] = kNeverOccupied; }
   // Cells that are not empty for good, in order.
   std::vector<std::uint32_t> Candidates() const;
+  // The smallest box that holds them, in unit coordinates: min x, y, z, max x, y, z; min above max without
+  // any.
+  std::array<float, 6> CandidateBox() const;
   void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
   bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
 

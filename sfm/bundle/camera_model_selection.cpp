@@ -9,6 +9,7 @@
 #include "sfm/bundle/camera_trial.h"
 #include "sfm/bundle/point_adjustment.h"
 #include "sfm/scene/pose_error.h"
+#include "sfm/scene/undistort.h"
 
 namespace sfm {
 namespace {
@@ -195,7 +196,8 @@ class ForwardSelection {
     CameraTrial trial = RunTrial(split_, Extended(before.free, extension, eligible));
     std::vector<bool> needed = eligible;
     for (std::size_t i = 0; i < needed.size(); ++i) {
-      needed[i] = eligible[i] && IsSignificant(extension, trial, split_.training.scene, i);
+      needed[i] = eligible[i] && IsSignificant(extension, trial, split_.training.scene, i) &&
+                  HasRaysAtBorder(trial.scene.cameras[i]);
     }
     const auto n_needed = std::count(needed.begin(), needed.end(), true);
     const auto& named = n_needed > 0 ? needed : eligible;

@@ -41,6 +41,8 @@ struct SelectedCameraModel {
 // radial term that turns a camera by more than 0.5 degrees needs no such fall, only its significance: over a
 // plane seen straight down, a ground bent into a bowl makes up for a missing k1. A focal length that is
 // determined no better than 2 % is held, at the known value where there is one: the mapper may have lost it.
+// No lens folds its picture: a distortion that would do so inside the picture is not taken, whatever it
+// explains. Cameras that hardly move determine theirs that badly.
 // Each camera is decided for its own parameters; one with fewer than 200 observations keeps the simplest
 // model.
 //

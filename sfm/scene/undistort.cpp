@@ -168,6 +168,20 @@ std::vector<FrameFiles> ToldFrames(const std::string& bytes) {
 
 }  // namespace
 
+bool HasRaysAtBorder(const io::Camera& camera) {
+  for (int i = 0; i <= kBorderSamples; ++i) {
+    const double x = camera.width * static_cast<double>(i) / kBorderSamples;
+    const double y = camera.height * static_cast<double>(i) / kBorderSamples;
+    for (const Eigen::Vector2d& xy : {Eigen::Vector2d(0, y),
+                                      {static_cast<double>(camera.width), y},
+                                      {x, 0},
+                                      {x, static_cast<double>(camera.height)}}) {
+      if (!io::RayFromImg(camera, xy)) return false;
+    }
+  }
+  return true;
+}
+
 io::Camera PinholeCamera(const io::Camera& camera) {
   if (!camera.HasDistortion()) return camera;
   // Half extents, as tangents, of the largest centred rectangle inside the undistorted border.

@@ -8,6 +8,10 @@
 
 namespace sfm {
 
+// Whether every pixel at the border of the picture has a viewing ray: a distortion that folds back inside the
+// picture leaves some without.
+bool HasRaysAtBorder(const io::Camera& camera);
+
 // The pinhole camera of the same size whose picture is covered entirely by `camera`'s: principal point at the
 // centre, fl_x / fl_y kept, and the widest field of view that leaves no empty border. A camera without
 // distortion is returned unchanged. Throws io::Error kBadInput when the distortion folds back inside the

@@ -52,7 +52,8 @@ TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
   const SceneContraction contraction = SceneContraction::FromScene(scene, false);
   io::Workers workers(2);
   OccupancyGrid grid(64, contraction);
-  const std::array<float, 6> box = CarveByMasks(scene, LoadDataset(scene, 1), contraction, &workers, &grid);
+  CarveByMasks(scene, LoadDataset(scene, 1), contraction, &workers, &grid);
+  const std::array<float, 6> box = grid.CandidateBox();
   // In the picture the ball's disc has a radius of 0.8 / 4 of the focal length, a little more off the centre;
   // two pixels cover the edge and the square around a cell's ball.
   const double disc = 1.05 * 0.2 * scene.cameras[0].fl_x + 2;

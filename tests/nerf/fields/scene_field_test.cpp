@@ -3,9 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
+
+#include "io/image/image.h"
+#include "io/image/mask.h"
+#include "tests/support/files/picture_scene.h"
+#include "tests/support/files/temp_dir.h"
 
 namespace nerf {
 namespace {
@@ -76,6 +82,52 @@ TEST(UnboundedSpace, PointsAtAbsurdDistancesLeaveItUsable) {
     EXPECT_GT(field->sampler_options.step_size, 1e-6f);
     EXPECT_TRUE(std::isfinite(field->sampler_options.far));
   }
+}
+
+// Cut-outs whose masks use one half of the space: nothing is to be found in the other, whose density no
+// training ray would change. Nor is anything above, where they are transparent.
+TEST(BoundedSpace, WhatMasksLeaveOutIsEmpty) {
+  const TempDir dir;
+  io::Image cut_out = io::MakeImage(20, 20, 4);
+  std::fill(cut_out.data.begin(), cut_out.data.end(), 255);
+  for (std::size_t i = 0; i < 160; ++i) cut_out.data[4 * i + 3] = 0;  // 8 rows at the top
+  io::Mask left{20, 20, {}}, right;
+  for (int i = 0; i < 400; ++i) left.used.push_back(i % 20 < 10 ? 255 : 0);
+  right = left;
+  std::reverse(right.used.begin(), right.used.end());
+  io::WriteImage(dir / "a.png", cut_out);
+  io::WriteMask(dir / "left.png", left);
+  io::WriteMask(dir / "right.png", right);
+  io::Scene scene = tests::SceneOf({dir / "a.png", dir / "a.png"}, 20, 20);
+  scene.aabb = {Vector3d::Constant(-1), Vector3d::Constant(1)};
+  scene.near = 2, scene.far = 6;
+  scene.frames[0].world_from_cam.translation.z() = 4;
+  scene.frames[1].world_from_cam.translation.z() = -4;
+  scene.frames[1].world_from_cam.rotation.diagonal() << -1, 1, -1;  // its left is the first one's right
+  io::Workers workers(1);
+  float highest = -1;
+  const auto candidates = [&] {
+    std::string derivation;
+    const SceneFieldOptions options{.log2_hashmap_size = 10, .finest_cell_pixels = 1, .grid_resolution = 64};
+    const auto field = MakeSceneField(scene, LoadDataset(scene, 1), options, 1, &workers, &derivation);
+    std::vector<float> x;
+    highest = -1;
+    for (const std::uint32_t cell : field->grid.Candidates()) {
+      float at[3];
+      field->contraction.FromUnit(field->grid.CellCentre(cell).data(), at);
+      x.push_back(at[0]);
+      highest = std::max(highest, at[1]);
+    }
+    return x;
+  };
+  const std::vector<float> all = candidates();
+  EXPECT_GT(*std::max_element(all.begin(), all.end()), 0.5f);
+  scene.frames[0].mask_path = dir / "left.png";
+  scene.frames[1].mask_path = dir / "right.png";
+  const std::vector<float> used = candidates();
+  EXPECT_FALSE(used.empty());
+  EXPECT_LT(*std::max_element(used.begin(), used.end()), 0.1f);
+  EXPECT_LT(highest, 0.6f);
 }
 
 }  // namespace

@@ -117,7 +117,7 @@ TEST(CameraPath, ArcSwingsInsideTheCoveredSide) {
   const io::Scene scene = HandHeld(30, -60, 60, Vector3d::Zero());
   const nerf::CameraPath path = nerf::FitCameraPath(scene, 90);
   EXPECT_EQ(path.kind, PathKind::kArc);
-  EXPECT_NEAR(path.arc_deg, 116, 3);
+  EXPECT_NEAR(path.arc_deg, 108, 3);  // of 116: it ends between cameras
   double least = 1e9, most = -1e9;
   for (const io::Rigid3d& pose : path.world_from_cam) {
     const double azimuth = std::atan2(pose.translation.y(), pose.translation.x()) * 180 / pi;
@@ -125,8 +125,8 @@ TEST(CameraPath, ArcSwingsInsideTheCoveredSide) {
     most = std::max(most, azimuth);
     EXPECT_LT(NearestCamera(scene, pose.translation), 0.7);
   }
-  EXPECT_GT(least, -63);
-  EXPECT_LT(most, 59);
+  EXPECT_GT(least, -59);
+  EXPECT_LT(most, 55);
   EXPECT_GT(most - least, 100);
   EXPECT_LT(LargestStep(path), 0.4);  // no jump where the swing closes
   ExpectUprightTowardsFocus(path, 0.02);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
+#include "sfm/scene/undistort.h"
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/scenes/pose_difference.h"
 #include "tests/support/scenes/sfm_synthetic_model.h"
@@ -75,6 +76,18 @@ TEST(CameraModelSelection, EachModelIsFoundWhereItIsNeeded) {
     EXPECT_NE(result.lines.find(name + " ("), std::string::npos) << result.lines;
   }
   EXPECT_EQ(std::size(cases), 3u);
+}
+
+// The observations lie in the middle of the picture and agree with a distortion that turns back farther out.
+TEST(CameraModelSelection, ADistortionThatFoldsThePictureIsNotTaken) {
+  io::Camera truth = SmallCamera();
+  truth.width *= 3, truth.height *= 3, truth.cx *= 3, truth.cy *= 3;
+  io::Camera start = truth;
+  truth.k1 = -0.4;
+  ASSERT_FALSE(sfm::HasRaysAtBorder(truth));
+  const Result result = Select(Capture(truth, start, 1));
+  EXPECT_TRUE(sfm::HasRaysAtBorder(result.camera())) << result.lines;
+  EXPECT_NE(result.lines.find("SIMPLE_RADIAL (k1) is not needed"), std::string::npos) << result.lines;
 }
 
 // k1 alone lowers the error by 0.3 % here, as it did for the lens of a phone.
