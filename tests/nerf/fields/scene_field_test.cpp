@@ -116,7 +116,7 @@ TEST(BoundedSpace, WhatMasksLeaveOutIsEmpty) {
       float at[3];
       field->contraction.FromUnit(field->grid.CellCentre(cell).data(), at);
       x.push_back(at[0]);
-      highest = std::max(highest, at[1]);
+      if (at[0] < -0.1f) highest = std::max(highest, at[1]);  // not on the masks' edge
     }
     return x;
   };
