@@ -20,8 +20,9 @@ constexpr double kFarthest = 50;
 constexpr int kLookSide = 32;
 // Poses that are looked at along the path, and training views to compare with.
 constexpr int kMaxChecks = 90, kMaxReferences = 32;
-// A look may be this much worse than nearly all training views: a few pixels, which differ by chance.
-constexpr double kSlack = 0.03, kReferenceShare = 0.9;
+// A look may be this much worse than nearly all training views: pixels that differ by chance. What was never
+// observed is told more surely, and two hundredths of a frame are a dark corner already.
+constexpr double kNearSlack = 0.03, kUnobservedSlack = 0.005, kReferenceShare = 0.9;
 // How far poses are drawn to the cameras, tried in this order; the rounds that find the nearest cluster.
 constexpr std::array<double, 4> kPulls = {0.25, 0.5, 0.75, 1};
 constexpr int kClusterRounds = 3;
@@ -88,8 +89,8 @@ class Standard {
       const Scout::Look look = scout.From(train.frames[i].world_from_cam);
       near.push_back(look.near), unobserved.push_back(look.unobserved);
     }
-    near_ = io::Quantile(near, kReferenceShare) + kSlack;
-    unobserved_ = io::Quantile(unobserved, kReferenceShare) + kSlack;
+    near_ = io::Quantile(near, kReferenceShare) + kNearSlack;
+    unobserved_ = io::Quantile(unobserved, kReferenceShare) + kUnobservedSlack;
   }
   double Excess(const Scout::Look& look) const {
     return std::max(look.near - near_, look.unobserved - unobserved_);
