@@ -21,7 +21,7 @@ constexpr int kLookSide = 32;
 // Poses that are looked at along the path, and training views to compare with.
 constexpr int kMaxChecks = 90, kMaxReferences = 32;
 // A look may be this much worse than nearly all training views: pixels that differ by chance. What was never
-// observed is told more surely, and two hundredths of a frame are a dark corner already.
+// observed is told more surely, and a hundredth of a frame is a dark corner already.
 constexpr double kNearSlack = 0.03, kUnobservedSlack = 0.005, kReferenceShare = 0.9;
 // How far poses are drawn to the cameras, tried in this order; the rounds that find the nearest cluster.
 constexpr std::array<double, 4> kPulls = {0.25, 0.5, 0.75, 1};

@@ -117,6 +117,41 @@ TEST(FreePath, IsDrawnToTheCamerasEvenlyWhereTheyStandInGroups) {
   EXPECT_LT(*std::max_element(steps.begin(), steps.end()), 2 * io::Median(steps));
 }
 
+// A wall behind whose edges nothing is known.
+class WallField : public tests::SphereField {
+ public:
+  bool HasUnknownSpace() const override { return true; }
+  nerf::RenderedView Render(const io::Camera& camera,
+                            const io::Rigid3d& pose,
+                            const nerf::RenderOptions& options) const override {
+    nerf::RenderedView view = SphereField::Render(camera, pose, options);
+    std::fill(view.depth.begin(), view.depth.end(), 4.f);
+    std::fill(view.opacity.begin(), view.opacity.end(), options.limits.end < 4 ? 0.f : 1.f);
+    return view;
+  }
+};
+
+// The path leans to one side: corners above and below what the upright cameras observed would be dark.
+TEST(FreePath, IsDrawnToTheCamerasFromDarkCorners) {
+  Capture capture(0);
+  for (io::Rigid3d& pose : capture.path.world_from_cam)
+    pose.rotation = pose.rotation * Eigen::AngleAxisd(0.1, Vector3d::UnitZ());
+  const WallField field;
+  const nerf::SupportMap support(field, capture.train, 1);
+  const io::Camera camera = nerf::SmallCamera(capture.train.cameras[0], 32);
+  const auto unobserved = [&](int i) {
+    const io::Rigid3d& pose = capture.path.world_from_cam[static_cast<std::size_t>(i)];
+    return support.ObservedIn(camera, pose, field.Render(camera, pose, {}), 1).UnobservedShare();
+  };
+  const double before = unobserved(30);
+  EXPECT_GT(before, 0.01);
+  EXPECT_LT(before, 0.032);
+  const nerf::FreePathReport report = nerf::KeepFree(field, capture.train, support, 1, &capture.path);
+  EXPECT_GT(report.obstructed, 20);
+  EXPECT_EQ(report.remaining, 0);
+  EXPECT_LT(unobserved(30), 0.005);
+}
+
 TEST(FreePath, DepthsAreFiniteBeforeAnEmptySky) {
   class Sky : public tests::SphereField {
    public:
