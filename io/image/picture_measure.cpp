@@ -63,6 +63,12 @@ double Difference(const Thumbnail& a, const Thumbnail& b) {
   return sum / static_cast<double>(a.size());
 }
 
+int LargestDifference(const Thumbnail& a, const Thumbnail& b) {
+  int largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i] - b[i]));
+  return largest;
+}
+
 double Brightness(const Thumbnail& thumbnail) {
   return std::accumulate(thumbnail.begin(), thumbnail.end(), 0.0) / static_cast<double>(thumbnail.size());
 }

@@ -22,6 +22,9 @@ Thumbnail MakeThumbnail(const Image& image);
 // Mean absolute difference in grey levels, 0..255.
 double Difference(const Thumbnail& a, const Thumbnail& b);
 
+// Largest absolute difference in grey levels, 0..255.
+int LargestDifference(const Thumbnail& a, const Thumbnail& b);
+
 // Mean grey level, 0..255.
 double Brightness(const Thumbnail& thumbnail);
 

@@ -13,10 +13,11 @@ constexpr int kWidth = 320;       // enough for 0.1 px = 0.03 % of the width; a 
 constexpr int kMaxCorners = 200;  // a median needs no more
 constexpr int kMinCorners = 8;    // below, nothing can be said about motion
 constexpr double kCornerQuality = 0.01;
-constexpr double kCornerDistance = 8;  // [px] spreads the corners over the picture
-constexpr double kMinFollowed = 0.4;   // a smaller share means a cut or a jump
-constexpr double kAnchorStep = 0.01;   // [widths]
-constexpr double kUnknownStep = 0.05;  // [widths] a keyframe's worth
+constexpr double kCornerDistance = 8;                      // [px] spreads the corners over the picture
+constexpr double kMinFollowed = 0.4;                       // a smaller share means a cut or a jump
+constexpr double kMovingShare = 0.2, kMovingWeight = 0.5;  // of what moves before a still background
+constexpr double kAnchorStep = 0.01;                       // [widths]
+constexpr double kUnknownStep = 0.05;                      // [widths] a keyframe's worth
 
 }  // namespace
 
@@ -31,7 +32,7 @@ struct CameraMotion::State {
     cv::goodFeaturesToTrack(anchor, corners, kMaxCorners, kCornerQuality, kCornerDistance);
   }
 
-  // Median displacement from the anchor in widths; negative when too few corners could be followed.
+  // Displacement from the anchor in widths; negative when too few corners could be followed.
   double Displacement(const cv::Mat& grey) const {
     std::vector<cv::Point2f> found;
     std::vector<unsigned char> ok;
@@ -41,7 +42,8 @@ struct CameraMotion::State {
       if (ok[i]) lengths.push_back(std::hypot(found[i].x - corners[i].x, found[i].y - corners[i].y));
     }
     if (static_cast<double>(lengths.size()) < kMinFollowed * static_cast<double>(corners.size())) return -1;
-    return Median(std::move(lengths)) / kWidth;
+    const double median = Median(lengths);
+    return std::max(median, kMovingWeight * Quantile(std::move(lengths), 1 - kMovingShare)) / kWidth;
   }
 };
 

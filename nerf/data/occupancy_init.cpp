@@ -181,7 +181,7 @@ class FrustumCarver {
       if (distance2 < near_ * near_) close.push_back(v);
     }
     for (const Cell& cell : cells) {
-      if (grid_->IsNeverOccupied(cell.index)) continue;
+      if (grid_->IsDeclaredEmpty(cell.index)) continue;
       SeenByTwo(cell.points, facing) && !SeenThrough(cell.points, close) ? grid_->SetCandidate(cell.index)
                                                                          : grid_->SetEmpty(cell.index);
     }

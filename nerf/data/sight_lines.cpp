@@ -152,7 +152,7 @@ std::size_t CarveBySightLines(const io::Scene& scene,
   CellSet scratch = surface;
   Dilate(grid->resolution(), &surface, &scratch);
   for (std::uint32_t cell = 0; cell < grid->n_cells(); ++cell) {
-    if ((free[cell / 64] & ~surface[cell / 64]) >> cell % 64 & 1) grid->SetEmpty(cell);
+    if ((free[cell / 64] & ~surface[cell / 64]) >> cell % 64 & 1) grid->PresumeEmpty(cell);
   }
   return std::accumulate(n_lines.begin(), n_lines.end(), std::size_t{0});
 }

@@ -44,7 +44,7 @@ std::array<float, 3> OccupancyGrid::CellCentre(std::uint32_t cell) const {
 std::vector<std::uint32_t> OccupancyGrid::Candidates() const {
   std::vector<std::uint32_t> cells;
   for (std::uint32_t cell = 0; cell < density_.size(); ++cell) {
-    if (!IsNeverOccupied(cell)) cells.push_back(cell);
+    if (!IsDeclaredEmpty(cell)) cells.push_back(cell);
   }
   return cells;
 }
@@ -74,7 +74,11 @@ float OccupancyGrid::Threshold(std::uint32_t cell) const {
 
 void OccupancyGrid::Settle() {
   for (std::uint32_t cell = 0; cell < density_.size(); ++cell) {
-    if (distance_[cell] >= 2) SetEmpty(cell);
+    if (density_[cell] == kPresumedEmpty) {
+      if (distance_[cell] < 2) density_[cell] = 0;
+    } else if (distance_[cell] >= 2) {
+      SetEmpty(cell);
+    }
   }
 }
 
@@ -87,7 +91,7 @@ void OccupancyGrid::Rebuild(bool cautious) {
   double sum = 0, n_candidates = 0;
   for (const float density : density_) {
     sum += std::max(density, 0.f);
-    n_candidates += density != kNeverOccupied;
+    n_candidates += density >= 0;
   }
   const float limit = cautious && n_candidates > 0 ? static_cast<float>(sum / n_candidates)
                                                    : std::numeric_limits<float>::infinity();

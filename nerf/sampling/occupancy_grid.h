@@ -56,17 +56,22 @@ class OccupancyGrid {
     density_[cell] = std::max(density_[cell] * kProbeDecay, sigma);
   }
 
-  // Declares a cell empty for good, or possibly occupied (with the initial density).
-  void SetEmpty(std::uint32_t cell) { density_[cell] = kNeverOccupied; }
-  // Cells that are not empty for good, in order.
+  // Declares a cell empty for good; empty until space settles (Settle), unless it is empty for good already;
+  // or possibly occupied (with the initial density).
+  void SetEmpty(std::uint32_t cell) { density_[cell] = kEmpty; }
+  void PresumeEmpty(std::uint32_t cell) {
+    if (density_[cell] >= 0) density_[cell] = kPresumedEmpty;
+  }
+  // Cells that are not declared empty, in order.
   std::vector<std::uint32_t> Candidates() const;
   // The smallest box that holds them, in unit coordinates: min x, y, z, max x, y, z; min above max without
   // any.
   std::array<float, 6> CandidateBox() const;
   void SetCandidate(std::uint32_t cell) { density_[cell] = kInitialFactor * Threshold(cell); }
-  bool IsNeverOccupied(std::uint32_t cell) const { return density_[cell] == kNeverOccupied; }
+  bool IsDeclaredEmpty(std::uint32_t cell) const { return density_[cell] < 0; }
 
-  // Declares all cells empty for good that touch no occupied one, as of the last Rebuild.
+  // Declares all cells empty for good that touch no occupied one, as of the last Rebuild, but for those that
+  // are presumed empty: they stay so until they touch one, and are candidates from then on.
   void Settle();
 
   // Sets the density of all candidates to 0.
@@ -89,7 +94,7 @@ class OccupancyGrid {
   void Refresh();
 
  private:
-  static constexpr float kNeverOccupied = -1.f;
+  static constexpr float kEmpty = -1.f, kPresumedEmpty = -2.f;
   // Longest jump that is remembered; longer ones gain nothing, because rays leave the cube.
   static constexpr int kMaxDistance = 24;
   static constexpr std::uint32_t kBlock = 4;  // side of a block, whose cells fill a word of 64 bits

@@ -32,6 +32,11 @@ std::string BlurReason(double relative) {
   return fmt::format("blurred: {:.2f} times as sharp as its neighbours", relative);
 }
 
+bool ShowTheSame(const io::Thumbnail& a, const io::Thumbnail& b, const SelectionOptions& options) {
+  return io::Difference(a, b) < options.min_difference &&
+         io::LargestDifference(a, b) <= options.max_local_difference;
+}
+
 }  // namespace
 
 std::vector<bool> FindBlurred(std::span<const double> sharpness, const SelectionOptions& options) {
@@ -55,7 +60,7 @@ std::vector<std::string> JudgePhotos(std::span<const PictureLook> looks,
   PIPELINE_CHECK_EQ(looks.size(), names.size());
   std::vector<std::string> reasons(looks.size());
   for (std::size_t i = 1, last = 0; i < looks.size(); ++i) {
-    if (io::Difference(looks[last].thumbnail, looks[i].thumbnail) < options.min_difference) {
+    if (ShowTheSame(looks[last].thumbnail, looks[i].thumbnail, options)) {
       const std::size_t worse = looks[i].sharpness > looks[last].sharpness ? last : i;
       reasons[worse] = "shows the same as " + names[worse == i ? last : i];
       if (worse == i) continue;

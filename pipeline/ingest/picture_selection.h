@@ -17,10 +17,15 @@ struct SelectionOptions {
   // Mean grey difference [0..255] of 32 x 32 thumbnails of neighbours that show the same. Measured: walking
   // captures stay above 6, a tremor of 0.2 % of the width gives 0.8 to 1.7.
   double min_difference = 1.5;
+  // What neighbours that show the same differ by at most, anywhere in their thumbnails. A subject that turns
+  // before a still background changes little of the picture, but that much: by 7 degrees 17 to 50, where the
+  // mean is 0.7 to 1.1. A tremor of 0.2 % of the width reaches 16.
+  int max_local_difference = 16;
   int max_frames = 120;  // of a video
   // Path between kept frames of a video, in picture widths (io/video/camera_motion.h). A walk around a table
-  // makes 3 to 6 widths and so uses the whole budget; shorter walks need fewer frames.
-  double frame_step = 0.02;
+  // makes 3 to 6 widths, a third of a turn near a subject 0.6, a whole turn of a turntable before a still
+  // background 0.3: frames are then 6 degrees apart.
+  double frame_step = 0.005;
 };
 
 struct PictureLook {

@@ -40,7 +40,7 @@ TEST(CarveByMasks, LargeOpaqueSquaresAreNotEmpty) {
     OccupancyGrid grid(64, contraction);
     CarveByMasks(scene, dataset, contraction, &workers, &grid);
     const float inside[3] = {0.6f, 0.6f, 0.6f};
-    EXPECT_FALSE(grid.IsNeverOccupied(grid.CellAt(inside))) << focal;
+    EXPECT_FALSE(grid.IsDeclaredEmpty(grid.CellAt(inside))) << focal;
   }
 }
 
@@ -64,7 +64,7 @@ TEST(CarveByMasks, HullHoldsTheBallAndIsTight) {
     const std::array<float, 3> unit = grid.CellCentre(cell);
     Eigen::Vector3f x;
     contraction.FromUnit(unit.data(), x.data());
-    const bool candidate = !grid.IsNeverOccupied(cell);
+    const bool candidate = !grid.IsDeclaredEmpty(cell);
     ASSERT_TRUE(candidate || x.norm() > 0.8f) << x.transpose();
     bool beside = false;
     for (const io::Frame& frame : scene.frames) {
@@ -188,7 +188,7 @@ TEST(CarveByFrusta, SpaceNearerThanNearToAUsedPixelIsEmpty) {
     Eigen::Vector3f x;
     contraction.FromUnit(grid.CellCentre(i).data(), x.data());
     const double distance = (x.cast<double>() - centre).norm();
-    const bool candidate = !grid.IsNeverOccupied(i);
+    const bool candidate = !grid.IsDeclaredEmpty(i);
     if (x.x() < 0 && distance < kNear - 0.5 * diagonal) {
       EXPECT_FALSE(candidate) << x.transpose();
     } else if (x.head<2>().norm() < 0.5f && (x.x() > cell || distance > kNear - 0.49 * cell)) {
@@ -231,7 +231,7 @@ TEST(CarveByFrusta, BlocksDecideAsSingleCellsDo) {
       seen += projector.SeesAny(points, kNear, all_pixels);
       seen_through = seen_through || projector.SeesThrough(points, kNear, all_pixels);
     }
-    ASSERT_EQ(!grid.IsNeverOccupied(cell), seen >= 2 && !seen_through) << "cell " << cell;
+    ASSERT_EQ(!grid.IsDeclaredEmpty(cell), seen >= 2 && !seen_through) << "cell " << cell;
     n_seen += seen >= 2;
     n_seen_through += seen >= 2 && seen_through;
   }

@@ -38,7 +38,7 @@ struct Carving {
     const Eigen::Vector3f at = x.cast<float>();
     float unit[3];
     contraction.ToUnit(at.data(), unit);
-    return grid.IsNeverOccupied(grid.CellAt(unit));
+    return grid.IsDeclaredEmpty(grid.CellAt(unit));
   }
 
   SceneContraction contraction;
@@ -101,7 +101,7 @@ TEST(CarveBySightLines, PointsWithFewOrUnknownObserversSayNothing) {
   const Carving carving(scene, true, 2);
   EXPECT_EQ(carving.n_lines, 0u);
   for (std::uint32_t cell = 0; cell < carving.grid.n_cells(); ++cell)
-    ASSERT_FALSE(carving.grid.IsNeverOccupied(cell));
+    ASSERT_FALSE(carving.grid.IsDeclaredEmpty(cell));
 }
 
 // A step along a line must not vanish beside its length, nor a length overflow.

@@ -299,11 +299,30 @@ TEST(OccupancyGrid, SettledSpaceStaysEmptyButForTheNeighboursOfWhatIsOccupied) {
   }
   grid.Rebuild();
   grid.Settle();
-  EXPECT_FALSE(grid.IsNeverOccupied(occupied));
-  EXPECT_FALSE(grid.IsNeverOccupied(neighbour));
-  EXPECT_TRUE(grid.IsNeverOccupied(far));
+  EXPECT_FALSE(grid.IsDeclaredEmpty(occupied));
+  EXPECT_FALSE(grid.IsDeclaredEmpty(neighbour));
+  EXPECT_TRUE(grid.IsDeclaredEmpty(far));
   const std::vector<std::uint32_t> candidates = grid.Candidates();
   EXPECT_EQ(candidates.size(), 27u);  // a block of 3 x 3 x 3 cells
+}
+
+TEST(OccupancyGrid, SurfacesGrowIntoWhatWasPresumedEmptyButNotIntoWhatIs) {
+  OccupancyGrid grid(64, Contraction(true));
+  const std::uint32_t first = (32 * 64 + 32) * 64 + 20, last = first + 3;  // a row of cells
+  grid.SetCandidate(first);
+  for (std::uint32_t cell = first + 1; cell <= last; ++cell) grid.PresumeEmpty(cell);
+  grid.SetEmpty(first - 1);
+  grid.PresumeEmpty(first - 1);
+  grid.Rebuild();
+  for (std::uint32_t cell = first; cell < last; ++cell) {
+    EXPECT_TRUE(grid.IsDeclaredEmpty(cell + 1));
+    grid.Settle();
+    EXPECT_FALSE(grid.IsDeclaredEmpty(cell + 1));
+    grid.Probe(cell + 1, 2 * grid.Threshold(cell + 1));
+    grid.Rebuild();
+    EXPECT_EQ(grid.Distance(cell + 1), 0);
+  }
+  EXPECT_TRUE(grid.IsDeclaredEmpty(first - 1));
 }
 
 }  // namespace

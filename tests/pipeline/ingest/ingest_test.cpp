@@ -193,6 +193,17 @@ TEST_F(Ingest, VideoFramesAreChosenByMotionAndSharpness) {
   EXPECT_EQ(frames_["kept"].size() + frames_["dropped"].size(), 20u);
 }
 
+TEST_F(Ingest, ASubjectThatTurnsBeforeAStillBackgroundIsMotion) {
+  const cv::Rect subject(40, 30, 80, 70);  // 29 % of the picture
+  const auto frame = [&](int i) {
+    cv::Mat view = View(0);
+    texture_(cv::Rect(400 + i, 100, subject.width, subject.height)).copyTo(view(subject));
+    return view;
+  };
+  ASSERT_EQ(Run(WriteVideo(60, frame)), 0) << message_;
+  EXPECT_GE(frames_["kept"].size(), 15u);
+}
+
 TEST_F(Ingest, VideosWithoutMotionOrLightAreRefused) {
   EXPECT_EQ(Run(WriteVideo(20, [&](int) { return View(0); })), 4);
   EXPECT_TRUE(Says("no motion")) << message_;
@@ -236,13 +247,34 @@ TEST(PictureSelection, DropsAtMostThirtyPercentAsBlurred) {
   EXPECT_FALSE(blurred[17]);
 }
 
+// Mean differences are below min_difference in both; a subject on a turntable changes a small part by much.
+TEST(PictureSelection, ATremorIsNoNewPictureButATurningSubjectIs) {
+  pipeline::SelectionOptions options;
+  std::vector<pipeline::PictureLook> tremor(6), turning(6);
+  for (std::size_t i = 0; i < tremor.size(); ++i) {
+    tremor[i].sharpness = turning[i].sharpness = 1;
+    for (std::size_t cell = 0; cell < 1024; ++cell) {
+      tremor[i].thumbnail[cell] = static_cast<std::uint8_t>(100 + (cell % 16 == 0 && i % 2 ? 15 : 0));
+      turning[i].thumbnail[cell] = static_cast<std::uint8_t>(100 + (cell / 32 == i ? 30 : 0));
+    }
+  }
+  const std::vector<std::string> names(6, "x");
+  const auto n_dropped = [&](const std::vector<pipeline::PictureLook>& looks) {
+    const std::vector<std::string> reasons = pipeline::JudgePhotos(looks, names, options);
+    return std::count_if(reasons.begin(), reasons.end(), [](const auto& reason) { return !reason.empty(); });
+  };
+  ASSERT_LT(io::Difference(turning[0].thumbnail, turning[1].thumbnail), 2);
+  EXPECT_EQ(n_dropped(tremor), 5);
+  EXPECT_EQ(n_dropped(turning), 0);
+}
+
 TEST(PictureSelection, FrameStepsHaveEqualLength) {
   // The camera rests, moves slowly, then fast.
   std::vector<double> path(50, 0.0), sharpness;
   for (int i = 0; i < 100; ++i) path.push_back(path.back() + 0.002);
   for (int i = 0; i < 39; ++i) path.push_back(path.back() + 0.01);
   for (std::size_t i = 0; i < path.size(); ++i) sharpness.push_back(1.0);
-  const auto verdicts = pipeline::JudgeFrames(path, sharpness, 0, {});
+  const auto verdicts = pipeline::JudgeFrames(path, sharpness, 0, {.frame_step = 0.02});
   double last = -1;
   int n_kept = 0;
   for (std::size_t i = 0; i < path.size(); ++i) {
