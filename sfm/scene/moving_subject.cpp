@@ -29,6 +29,8 @@ constexpr double kMinRegionShare = 0.1;
 // lies 16 pixels from a point may be the subject, and 2 pixels on either side of its edge may be either.
 constexpr int kOpening = 3, kClosing = 5, kBetweenPoints = 17, kAroundPoint = 33, kEdge = 5;
 
+constexpr std::size_t kMinObservers = 3;  // of a point: two rays always meet
+
 constexpr std::uint8_t kYes = 255;
 
 cv::Mat ReadSmall(const fs::path& path, cv::Size* full) {
@@ -112,16 +114,16 @@ cv::Mat Enclosed(const cv::Mat& mask) {
   return enclosed;
 }
 
-// kYes at each point that frame `index` observes; of the size of comparison.
-cv::Mat ObservedPoints(const io::Scene& scene, int index, cv::Size size) {
+// kYes where frame `index` sees the subject for sure: at each point, of the far side as well, for it is the
+// subject that hides it. Of the size of comparison.
+cv::Mat SubjectPoints(const io::Scene& scene, int index, cv::Size size) {
   const io::Frame& frame = scene.frames[static_cast<std::size_t>(index)];
   const io::Camera camera =
       io::ResizedCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], size.width, size.height);
   const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
   cv::Mat observed(size, CV_8U, cv::Scalar(0));
   for (const io::Point3D& point : scene.points) {
-    if (std::find(point.frame_indices.begin(), point.frame_indices.end(), index) == point.frame_indices.end())
-      continue;
+    if (point.frame_indices.size() < kMinObservers) continue;
     const auto xy = io::ImgFromCam(camera, cam_from_world * point.xyz);
     if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < size.width && xy->y() < size.height)) continue;
     observed.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
@@ -129,11 +131,37 @@ cv::Mat ObservedPoints(const io::Scene& scene, int index, cv::Size size) {
   return observed;
 }
 
+// Where the most frequent colour is the subject's, since points lie there in most of the pictures that have
+// it, no colour is known to be the background's.
+void ForgetSubject(const std::vector<cv::Mat>& pictures,
+                   const std::vector<cv::Mat>& among,
+                   Background* background) {
+  for (int y = 0; y < background->known.rows; ++y) {
+    for (int x = 0; x < background->known.cols; ++x) {
+      int with_points = 0, without = 0;
+      for (std::size_t i = 0; i < pictures.size(); ++i) {
+        if (!Same(pictures[i].at<cv::Vec3b>(y, x), background->colour.at<cv::Vec3b>(y, x))) continue;
+        among[i].at<std::uint8_t>(y, x) ? ++with_points : ++without;
+      }
+      if (with_points > without) background->known.at<std::uint8_t>(y, x) = 0;
+    }
+  }
+}
+
+cv::Mat AmongPoints(const cv::Mat& points) {
+  cv::Mat among;
+  cv::morphologyEx(points, among, cv::MORPH_CLOSE, Square(kBetweenPoints));
+  return among;
+}
+
 io::Mask MaskOf(const cv::Mat& mask) {
   return {mask.cols, mask.rows, {mask.begin<std::uint8_t>(), mask.end<std::uint8_t>()}};
 }
 
-MovingSubject Subject(const cv::Mat& picture, const cv::Mat& points, const Background& background) {
+MovingSubject Subject(const cv::Mat& picture,
+                      const cv::Mat& points,
+                      const cv::Mat& among,
+                      const Background& background) {
   cv::Mat shown(picture.size(), CV_8U);
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
@@ -144,8 +172,7 @@ MovingSubject Subject(const cv::Mat& picture, const cv::Mat& points, const Backg
   }
   cv::morphologyEx(shown, shown, cv::MORPH_OPEN, Square(kOpening));
   cv::morphologyEx(shown, shown, cv::MORPH_CLOSE, Square(kClosing));
-  cv::Mat among, around;
-  cv::morphologyEx(points, among, cv::MORPH_CLOSE, Square(kBetweenPoints));
+  cv::Mat around;
   cv::dilate(points, around, Square(kAroundPoint));
   shown |= among;
   DropSmallRegions(&shown);
@@ -183,11 +210,16 @@ std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threa
       n, threads, [&](std::size_t i) { small[i] = ReadSmall(scene.frames[i].image_path, &sizes[i]); });
   if (std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) { return size != sizes[0]; }))
     return {};
-  const Background background = FindBackground(small, threads);
-  std::vector<MovingSubject> subjects(n);
+  Background background = FindBackground(small, threads);
+  std::vector<cv::Mat> points(n), among(n);
   io::ParallelFor(n, threads, [&](std::size_t i) {
-    subjects[i] = Subject(small[i], ObservedPoints(scene, static_cast<int>(i), small[i].size()), background);
+    points[i] = SubjectPoints(scene, static_cast<int>(i), small[i].size());
+    among[i] = AmongPoints(points[i]);
   });
+  ForgetSubject(small, among, &background);
+  std::vector<MovingSubject> subjects(n);
+  io::ParallelFor(
+      n, threads, [&](std::size_t i) { subjects[i] = Subject(small[i], points[i], among[i], background); });
   const bool is_any = std::all_of(subjects.begin(), subjects.end(), [](const MovingSubject& subject) {
     const double share = subject.Share();
     return share >= kMinMovingShare && share <= kMaxMovingShare;

@@ -21,9 +21,11 @@ struct MovingSubject {
 
 // The subject in each picture of a turntable, whose poses are those of a camera around it. The background is
 // the colour that a pixel has most often; what differs from it is the subject. Where the subject looks the
-// same all the way round, it would pass for background itself. So what lies among points that the picture
-// observes is the subject as well, since all points lie on it, and so is what it encloses where that hardly
-// ever changes. Other gaps in it, and what has the background's colour near a point, may be either.
+// same all the way round, it would pass for background itself. So what lies among points is the
+// subject as well, since all points lie on it (those of its far side, too: the subject itself hides them),
+// and what it encloses where that hardly ever changes. A colour that a pixel has mostly where points lie is
+// none of the background's. Other gaps in it, and what has the background's colour near a point, may be
+// either.
 //
 // Empty when the pictures differ in size or when there is no background: hardly a pixel keeps its colour, or
 // nothing moves before it. Throws kBadInput for a picture that cannot be read.
