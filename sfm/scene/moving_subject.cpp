@@ -25,9 +25,11 @@ constexpr double kKnownShare = 0.2, kSameShare = 0.95;
 constexpr double kMinMovingShare = 0.005, kMaxMovingShare = 0.8;
 // Regions smaller than this share of the largest are noise, a curtain, a clock.
 constexpr double kMinRegionShare = 0.1;
-// At the size of comparison: specks of 2 pixels go, and gaps of 4 close, between observed points of 16. What
-// lies 16 pixels from a point may be the subject, and 2 pixels on either side of its edge may be either.
-constexpr int kOpening = 3, kClosing = 5, kBetweenPoints = 17, kAroundPoint = 33, kEdge = 5;
+// At the size of comparison: specks of 2 pixels go, and gaps of 4 close, between points of 16. What points
+// within 16 pixels enclose may be the subject, as may what lies 10 pixels from a point, and 2 pixels on
+// either side of its edge may be either.
+constexpr int kOpening = 3, kClosing = 5, kBetweenPoints = 17, kAroundPoint = 33, kBesidePoint = 21,
+              kEdge = 5;
 
 constexpr std::size_t kMinObservers = 3;  // of a point: two rays always meet
 
@@ -172,14 +174,16 @@ MovingSubject Subject(const cv::Mat& picture,
   }
   cv::morphologyEx(shown, shown, cv::MORPH_OPEN, Square(kOpening));
   cv::morphologyEx(shown, shown, cv::MORPH_CLOSE, Square(kClosing));
-  cv::Mat around;
-  cv::dilate(points, around, Square(kAroundPoint));
+  const cv::Mat contradicted = among & ~shown;
   shown |= among;
+  cv::Mat around, beside;
+  cv::dilate(points, around, Square(kAroundPoint));
+  cv::dilate(points, beside, Square(kBesidePoint));
   DropSmallRegions(&shown);
   const cv::Mat gaps = Enclosed(shown) | Enclosed(shown | around);
   shown |= gaps & background.same;
   // What is left has the background's colour.
-  cv::Mat uncertain = (gaps | around) & ~shown, inner, outer, filled;
+  cv::Mat uncertain = ((gaps | beside) & ~shown) | contradicted, inner, outer, filled;
   // Nor can anything be told where no colour is known to be the background's.
   cv::morphologyEx(points, filled, cv::MORPH_CLOSE, Square(kAroundPoint));
   uncertain |= ~background.known & ~filled;

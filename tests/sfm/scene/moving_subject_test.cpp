@@ -145,6 +145,47 @@ TEST(SubjectsOnTurntable, AGapItsEdgeAndPlacesThatItNeverLeavesMayBeEither) {
   EXPECT_LT(n_certain, 0.2 * n_gap);
 }
 
+TEST(SubjectsOnTurntable, PlainOnesAreToldByPointsThatOtherPicturesObserve) {
+  // A disc of one colour swings by 12 pixels; it covers most of its place nearly always.
+  const TempDir dir;
+  io::Scene scene = SceneOf(kPictures, dir.path());
+  for (int x = -26; x <= 26; x += 4) {
+    for (int y = -26; y <= 26; y += 4) {
+      if (std::hypot(x, y) < 28)
+        scene.points.push_back({.xyz = {x / 100.0, y / 100.0, -1}, .frame_indices = {0, 1, 2}});
+    }
+  }
+  for (int i = 0; i < kPictures; ++i) {
+    const double swing = 2 * (CentreX(i) - 80);
+    scene.frames[static_cast<std::size_t>(i)].world_from_cam.translation.x() = -swing / 100;
+    io::Image image = io::MakeImage(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const bool is_disc = std::hypot(x - 80 - swing, y - 60.0) < 30;
+        std::fill_n(image.Pixel(x, y), 3, is_disc ? 40 : (x / 8 + y / 8) % 2 == 0 ? 180 : 80);
+      }
+    }
+    io::WriteImage(scene.frames[static_cast<std::size_t>(i)].image_path, image);
+  }
+  const std::vector<sfm::MovingSubject> subjects = sfm::SubjectsOnTurntable(scene, 1);
+  ASSERT_EQ(subjects.size(), scene.frames.size());
+  for (int i = 0; i < kPictures; ++i) {
+    const auto& [shown, certain] = subjects[static_cast<std::size_t>(i)];
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const auto pixel = static_cast<std::size_t>(y * kWidth + x);
+        const double r = std::hypot(x - 80 - 2 * (CentreX(i) - 80), y - 60.0);
+        if (r < 20) {
+          ASSERT_TRUE(shown.Uses(pixel) && certain.Uses(pixel)) << i << " " << x << " " << y;
+        }
+        if (r > 32) {
+          ASSERT_FALSE(shown.Uses(pixel) && certain.Uses(pixel)) << i << " " << x << " " << y;
+        }
+      }
+    }
+  }
+}
+
 TEST(CutOut, TakesThePixelThatCoversMost) {
   const sfm::CutPicture cut = sfm::CutOut(io::MakeImage(5, 1, 3), {{2, 1, {0, 255}}, {2, 1, {255, 255}}});
   for (int x = 0; x < 5; ++x) EXPECT_EQ(cut.image.Pixel(x, 0)[3], x < 2 ? 0 : 255);
