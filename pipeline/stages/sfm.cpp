@@ -63,7 +63,7 @@ void LocateFrames(const fs::path& images, const fs::path& masks, io::Scene* scen
 }
 
 // Gives the frames pictures and masks, below `folder`, of what moves while the background stands still: where
-// it shows, they are transparent.
+// it shows, they are transparent. What the frames' masks leave out stays so.
 void CutOutSubjects(const fs::path& folder, int threads, io::Scene* scene, StageRun* stage) {
   const std::vector<sfm::MovingSubject> subjects = sfm::SubjectsOnTurntable(*scene, threads);
   if (subjects.empty()) {
@@ -79,7 +79,10 @@ void CutOutSubjects(const fs::path& folder, int threads, io::Scene* scene, Stage
     io::ThrowIfInterrupted();
     io::Frame& frame = scene->frames[i];
     const fs::path name = frame.image_path.filename().replace_extension(".png");
-    const sfm::CutPicture cut = sfm::CutOut(io::ReadImage(frame.image_path), subjects[i]);
+    const io::Image picture = io::ReadImage(frame.image_path);
+    const io::Mask used =
+        frame.mask_path.empty() ? io::Mask() : io::ReadMask(frame.mask_path, picture.width, picture.height);
+    const sfm::CutPicture cut = sfm::CutOut(picture, used, subjects[i]);
     io::WriteImage(folder / "images" / name, cut.image);
     io::WriteMask(folder / "masks" / name, cut.certain);
     frame.image_path = folder / "images" / name;
@@ -210,8 +213,7 @@ int RunSfm(int argc, const char* const* argv) {
     }();
     io::Scene scene = result.model.scene;
     LocateFrames(ingest / "images", settings.masks_folder, &scene);
-    if (result.turntable && settings.masks_folder.empty())
-      CutOutSubjects(work / "subjects", settings.threads, &scene, &stage);
+    if (result.turntable) CutOutSubjects(work / "subjects", settings.threads, &scene, &stage);
     WriteOutputs(result, scene, stage.folder(), settings.threads);
     fs::remove_all(work);
     stage.AddChildUse(result.colmap_cpu_s, result.peak_rss_bytes);

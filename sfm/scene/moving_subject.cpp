@@ -205,6 +205,12 @@ std::size_t CoveringPixel(const io::Mask& mask, const io::Image& picture, int x,
 
 }  // namespace
 
+double MovingSubject::Share() const {
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < shown.used.size(); ++i) n += shown.Uses(i) && certain.Uses(i);
+  return static_cast<double>(n) / static_cast<double>(shown.used.size());
+}
+
 std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threads) {
   const std::size_t n = scene.frames.size();
   if (n == 0) return {};
@@ -231,7 +237,7 @@ std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threa
   return is_any ? subjects : std::vector<MovingSubject>();
 }
 
-CutPicture CutOut(const io::Image& picture, const MovingSubject& subject) {
+CutPicture CutOut(const io::Image& picture, const io::Mask& used, const MovingSubject& subject) {
   CutPicture cut{io::MakeImage(picture.width, picture.height, 4),
                  {picture.width, picture.height, std::vector<std::uint8_t>()}};
   for (int y = 0; y < picture.height; ++y) {
@@ -239,7 +245,9 @@ CutPicture CutOut(const io::Image& picture, const MovingSubject& subject) {
       const std::size_t small = CoveringPixel(subject.shown, picture, x, y);
       std::copy_n(picture.Pixel(x, y), 3, cut.image.Pixel(x, y));
       cut.image.Pixel(x, y)[3] = subject.shown.used[small];
-      cut.certain.used.push_back(subject.certain.used[small]);
+      const auto pixel =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) + static_cast<std::size_t>(x);
+      cut.certain.used.push_back(used.Uses(pixel) ? subject.certain.used[small] : 0);
     }
   }
   return cut;

@@ -14,9 +14,8 @@ struct MovingSubject {
   io::Mask shown;    // 255: the subject, 0: the background
   io::Mask certain;  // 0: where either may be, around the subject's edge and where colours do not tell
 
-  double Share() const {  // of the picture
-    return static_cast<double>(shown.UsedCount()) / static_cast<double>(shown.used.size());
-  }
+  // Of the picture, what certainly shows the subject.
+  double Share() const;
 };
 
 // The subject in each picture of a turntable, whose poses are those of a camera around it. The background is
@@ -33,10 +32,10 @@ std::vector<MovingSubject> SubjectsOnTurntable(const io::Scene& scene, int threa
 
 struct CutPicture {
   io::Image image;   // transparent where the background is shown
-  io::Mask certain;  // of its size
+  io::Mask certain;  // of its size; not what its mask leaves out
 };
 
-// The picture, of any size, without its background.
-CutPicture CutOut(const io::Image& picture, const MovingSubject& subject);
+// The picture, of any size, without its background. used: its mask.
+CutPicture CutOut(const io::Image& picture, const io::Mask& used, const MovingSubject& subject);
 
 }  // namespace sfm

@@ -187,7 +187,7 @@ TEST(SubjectsOnTurntable, PlainOnesAreToldByPointsThatOtherPicturesObserve) {
 }
 
 TEST(CutOut, TakesThePixelThatCoversMost) {
-  const sfm::CutPicture cut = sfm::CutOut(io::MakeImage(5, 1, 3), {{2, 1, {0, 255}}, {2, 1, {255, 255}}});
+  const sfm::CutPicture cut = sfm::CutOut(io::MakeImage(5, 1, 3), {}, {{2, 1, {0, 255}}, {2, 1, {255, 255}}});
   for (int x = 0; x < 5; ++x) EXPECT_EQ(cut.image.Pixel(x, 0)[3], x < 2 ? 0 : 255);
   EXPECT_EQ(cut.certain.UsedCount(), 5u);
 }
@@ -195,7 +195,7 @@ TEST(CutOut, TakesThePixelThatCoversMost) {
 TEST(CutOut, IsTransparentWhereTheBackgroundShowsAtAnySize) {
   io::Image picture = io::MakeImage(4, 2, 3);
   std::iota(picture.data.begin(), picture.data.end(), std::uint8_t{1});
-  const sfm::CutPicture cut = sfm::CutOut(picture, {{2, 1, {0, 255}}, {2, 1, {255, 0}}});
+  const sfm::CutPicture cut = sfm::CutOut(picture, {}, {{2, 1, {0, 255}}, {2, 1, {255, 0}}});
   ASSERT_EQ(cut.image.channels, 4);
   for (int y = 0; y < 2; ++y) {
     for (int x = 0; x < 4; ++x) {
@@ -204,6 +204,12 @@ TEST(CutOut, IsTransparentWhereTheBackgroundShowsAtAnySize) {
       EXPECT_EQ(cut.certain.Uses(static_cast<std::size_t>(4 * y + x)), x < 2);
     }
   }
+}
+
+TEST(CutOut, IsNotCertainOfWhatAMaskLeavesOut) {
+  const io::Mask used{4, 1, {255, 0, 255, 0}};
+  const sfm::CutPicture cut = sfm::CutOut(io::MakeImage(4, 1, 3), used, {{2, 1, {0, 255}}, {2, 1, {255, 0}}});
+  EXPECT_EQ(cut.certain.used, (std::vector<std::uint8_t>{255, 0, 0, 0}));
 }
 
 TEST(SubjectsOnTurntable, ACameraThatMovesLeavesNothingInItsPlace) {
