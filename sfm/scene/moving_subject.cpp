@@ -183,10 +183,9 @@ MovingSubject Subject(const cv::Mat& picture,
   const cv::Mat gaps = Enclosed(shown) | Enclosed(shown | around);
   shown |= gaps & background.same;
   // What is left has the background's colour.
-  cv::Mat uncertain = ((gaps | beside) & ~shown) | contradicted, inner, outer, filled;
+  cv::Mat uncertain = ((gaps | beside) & ~shown) | contradicted, inner, outer;
   // Nor can anything be told where no colour is known to be the background's.
-  cv::morphologyEx(points, filled, cv::MORPH_CLOSE, Square(kAroundPoint));
-  uncertain |= ~background.known & ~filled;
+  uncertain |= ~background.known & ~among;
   cv::erode(shown, inner, Square(kEdge));
   cv::dilate(shown, outer, Square(kEdge));
   uncertain |= outer & ~inner;
