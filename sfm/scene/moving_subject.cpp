@@ -123,14 +123,14 @@ cv::Mat SubjectPoints(const io::Scene& scene, int index, cv::Size size) {
   const io::Camera camera =
       io::ResizedCamera(scene.cameras[static_cast<std::size_t>(frame.camera_index)], size.width, size.height);
   const io::Rigid3d cam_from_world = frame.world_from_cam.Inverse();
-  cv::Mat observed(size, CV_8U, cv::Scalar(0));
+  cv::Mat points(size, CV_8U, cv::Scalar(0));
   for (const io::Point3D& point : scene.points) {
     if (point.frame_indices.size() < kMinObservers) continue;
     const auto xy = io::ImgFromCam(camera, cam_from_world * point.xyz);
     if (!xy || !(xy->x() >= 0 && xy->y() >= 0 && xy->x() < size.width && xy->y() < size.height)) continue;
-    observed.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
+    points.at<std::uint8_t>(static_cast<int>(xy->y()), static_cast<int>(xy->x())) = kYes;
   }
-  return observed;
+  return points;
 }
 
 // Where the most frequent colour is the subject's, since points lie there in most of the pictures that have
@@ -150,6 +150,7 @@ void ForgetSubject(const std::vector<cv::Mat>& pictures,
   }
 }
 
+// What lies among points, which are at most 16 pixels apart.
 cv::Mat AmongPoints(const cv::Mat& points) {
   cv::Mat among;
   cv::morphologyEx(points, among, cv::MORPH_CLOSE, Square(kBetweenPoints));

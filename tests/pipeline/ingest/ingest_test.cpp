@@ -249,13 +249,13 @@ TEST(PictureSelection, DropsAtMostThirtyPercentAsBlurred) {
 
 // Mean differences are below min_difference in both; a subject on a turntable changes a small part by much.
 TEST(PictureSelection, ATremorIsNoNewPictureButATurningSubjectIs) {
-  pipeline::SelectionOptions options;
+  const pipeline::SelectionOptions options;
   std::vector<pipeline::PictureLook> tremor(6), turning(6);
   for (std::size_t i = 0; i < tremor.size(); ++i) {
     tremor[i].sharpness = turning[i].sharpness = 1;
     for (std::size_t cell = 0; cell < 1024; ++cell) {
       tremor[i].thumbnail[cell] = static_cast<std::uint8_t>(100 + (cell % 16 == 0 && i % 2 ? 15 : 0));
-      turning[i].thumbnail[cell] = static_cast<std::uint8_t>(100 + (cell / 32 == i ? 30 : 0));
+      turning[i].thumbnail[cell] = static_cast<std::uint8_t>(100 + (cell / 16 == i ? 30 : 0));
     }
   }
   const std::vector<std::string> names(6, "x");
@@ -263,7 +263,7 @@ TEST(PictureSelection, ATremorIsNoNewPictureButATurningSubjectIs) {
     const std::vector<std::string> reasons = pipeline::JudgePhotos(looks, names, options);
     return std::count_if(reasons.begin(), reasons.end(), [](const auto& reason) { return !reason.empty(); });
   };
-  ASSERT_LT(io::Difference(turning[0].thumbnail, turning[1].thumbnail), 2);
+  ASSERT_LT(io::Difference(turning[0].thumbnail, turning[1].thumbnail), options.min_difference);
   EXPECT_EQ(n_dropped(tremor), 5);
   EXPECT_EQ(n_dropped(turning), 0);
 }

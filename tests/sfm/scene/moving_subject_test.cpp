@@ -186,6 +186,41 @@ TEST(SubjectsOnTurntable, PlainOnesAreToldByPointsThatOtherPicturesObserve) {
   }
 }
 
+TEST(SubjectsOnTurntable, BackgroundBetweenPointsIsNotCertainlyTheSubject) {
+  // Two bars with a gap between them swing by 24 pixels.
+  const TempDir dir;
+  io::Scene scene = SceneOf(kPictures, dir.path());
+  for (int x = 7; x < 18; x += 5) {
+    for (int y = -20; y <= 20; y += 4) {
+      for (const double side : {-1.0, 1.0})
+        scene.points.push_back({.xyz = {side * x / 100, y / 100.0, -1}, .frame_indices = {0, 1, 2}});
+    }
+  }
+  for (int i = 0; i < kPictures; ++i) {
+    const double swing = 4 * (CentreX(i) - 80);
+    scene.frames[static_cast<std::size_t>(i)].world_from_cam.translation.x() = -swing / 100;
+    io::Image image = io::MakeImage(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const double across = std::abs(x - 80 - swing);
+        const bool is_bar = across > 6 && across < 18 && std::abs(y - 60) < 22;
+        std::fill_n(image.Pixel(x, y), 3, is_bar ? 40 : (x / 8 + y / 8) % 2 == 0 ? 180 : 80);
+      }
+    }
+    io::WriteImage(scene.frames[static_cast<std::size_t>(i)].image_path, image);
+  }
+  const std::vector<sfm::MovingSubject> subjects = sfm::SubjectsOnTurntable(scene, 1);
+  ASSERT_EQ(subjects.size(), scene.frames.size());
+  const std::size_t middle = 60 * kWidth + 80;
+  int n_gaps = 0;
+  for (int i = 0; i < kPictures; ++i) {
+    if (std::abs(CentreX(i) - 80) > 0.5) continue;
+    ++n_gaps;
+    EXPECT_FALSE(subjects[static_cast<std::size_t>(i)].certain.Uses(middle)) << i;
+  }
+  EXPECT_GT(n_gaps, 0);
+}
+
 TEST(CutOut, TakesThePixelThatCoversMost) {
   const sfm::CutPicture cut = sfm::CutOut(io::MakeImage(5, 1, 3), {}, {{2, 1, {0, 255}}, {2, 1, {255, 255}}});
   for (int x = 0; x < 5; ++x) EXPECT_EQ(cut.image.Pixel(x, 0)[3], x < 2 ? 0 : 255);
