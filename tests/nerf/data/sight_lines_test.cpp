@@ -85,6 +85,21 @@ TEST(CarveBySightLines, FewerThanThreePointsAreNotBelieved) {
   }
 }
 
+TEST(CarveBySightLines, SurfacesMayGrowBack) {
+  io::Scene scene = RowOfCameras(3);
+  AddPoints({0, 1, 0}, {0, 1, 2}, &scene);
+  Carving carving(scene, false, 1);
+  const Vector3d between(0, -1, 0);
+  ASSERT_TRUE(carving.IsFree(between));
+  carving.grid.Forget();
+  float unit[3];
+  carving.contraction.ToUnit(between.cast<float>().eval().data(), unit);
+  carving.grid.SetCandidate(carving.grid.CellAt(unit) + 1);
+  carving.grid.Rebuild();
+  carving.grid.Settle();
+  EXPECT_FALSE(carving.IsFree(between));
+}
+
 TEST(CarveBySightLines, CellsWithPointsStayWhateverCrossesThem) {
   io::Scene scene = RowOfCameras(3);
   AddPoints({0, 1, 0}, {0, 1, 2}, &scene);
