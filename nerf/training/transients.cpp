@@ -28,9 +28,11 @@ constexpr double kSameDepth = 0.1;
 // What touches a transient joins it from so many times the least suspect difference on.
 constexpr float kTouching = 2;
 // What makes suspects a transient: how many they are, as a share of their picture, how much they differ where
-// they differ most, and the correlation of slopes.
+// they differ most, and the correlation of slopes, whereby the rendering may lie this part of the longer side
+// beside. Of all these places one reaches half of it by chance.
 constexpr double kLeastPatchShare = 0.003, kMostCorrelation = 0.3;
 constexpr float kStrongError = 0.3f;
+constexpr int kShiftsOfSide = 32;
 // Pixels of the small picture by which gaps in a transient are closed.
 constexpr int kClose = 2;
 // Every so many pixels tell what is usual.
@@ -176,15 +178,37 @@ struct Slopes {
 
 // Of connected suspects.
 struct Patch {
-  int n_pixels = 0;
+  std::vector<cv::Point> pixels;
   float largest_error = 0;
-  Slopes slopes;
-
-  bool IsTransient(int n_picture) const {
-    return n_pixels >= kLeastPatchShare * n_picture && largest_error >= kStrongError &&
-           slopes.Correlation() < kMostCorrelation;
-  }
 };
+
+// The correlation of slopes, with the rendering shifted.
+double Correlation(const Patch& patch, const SmallView& view, const cv::Point& shift) {
+  const cv::Mat3b &photo = view.photo, &rendering = view.rendering;
+  const cv::Rect inside(0, 0, photo.cols - 1, photo.rows - 1);
+  const cv::Point right(1, 0), below(0, 1);
+  Slopes slopes;
+  for (const cv::Point& at : patch.pixels) {
+    const cv::Point shifted = at + shift;
+    if (!inside.contains(at) || !inside.contains(shifted)) continue;
+    slopes.Add(photo(at), photo(at + right), rendering(shifted), rendering(shifted + right));
+    slopes.Add(photo(at), photo(at + below), rendering(shifted), rendering(shifted + below));
+  }
+  return slopes.Correlation();
+}
+
+bool IsTransient(const Patch& patch, const SmallView& view) {
+  if (static_cast<double>(patch.pixels.size()) < kLeastPatchShare * static_cast<double>(view.photo.total()) ||
+      patch.largest_error < kStrongError)
+    return false;
+  const int most = std::max(view.photo.cols, view.photo.rows) / kShiftsOfSide;
+  for (int dy = -most; dy <= most; ++dy) {
+    for (int dx = -most; dx <= most; ++dx) {
+      if (Correlation(patch, view, {dx, dy}) >= kMostCorrelation) return false;
+    }
+  }
+  return true;
+}
 
 // With what touches them and differs much, whatever other views say of the surface behind.
 void Join(const cv::Mat1b& different, cv::Mat1b* transients) {
@@ -216,25 +240,17 @@ cv::Mat1b TransientsAmong(const cv::Mat1b& suspects, float least_error, int marg
   cv::morphologyEx(suspects, closed, cv::MORPH_CLOSE, cv::Mat1b::ones(3, 3));
   cv::Mat1i label;
   std::vector<Patch> patches(static_cast<std::size_t>(cv::connectedComponents(closed, label)));
-  const cv::Mat3b &photo = view.photo, &rendering = view.rendering;
   for (int y = 0; y < label.rows; ++y) {
     for (int x = 0; x < label.cols; ++x) {
       Patch& patch = patches[static_cast<std::size_t>(label(y, x))];
-      ++patch.n_pixels;
+      patch.pixels.emplace_back(x, y);
       patch.largest_error = std::max(patch.largest_error, view.error(y, x));
-      if (x + 1 < label.cols)
-        patch.slopes.Add(photo(y, x), photo(y, x + 1), rendering(y, x), rendering(y, x + 1));
-      if (y + 1 < label.rows)
-        patch.slopes.Add(photo(y, x), photo(y + 1, x), rendering(y, x), rendering(y + 1, x));
     }
   }
-  patches[0] = {};  // what is not suspect
   cv::Mat1b found = cv::Mat1b::zeros(label.size());
-  for (int y = 0; y < label.rows; ++y) {
-    for (int x = 0; x < label.cols; ++x) {
-      if (patches[static_cast<std::size_t>(label(y, x))].IsTransient(label.rows * label.cols))
-        found(y, x) = 1;
-    }
+  for (std::size_t i = 1; i < patches.size(); ++i) {  // 0: what is not suspect
+    if (!IsTransient(patches[i], view)) continue;
+    for (const cv::Point& pixel : patches[i].pixels) found(pixel) = 1;
   }
   Join(view.error >= kTouching * least_error, &found);
   Complete(margin, &found);

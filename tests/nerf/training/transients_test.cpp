@@ -120,6 +120,15 @@ TEST_F(Transients, AreNoShadowsNorTints) {
   EXPECT_TRUE(Find().empty());
 }
 
+// Everything lies two or three pixels beside its place.
+TEST_F(Transients, AreNoPicturesOfAWrongPose) {
+  std::vector<io::Rigid3d> poses = PosesOf(scene_);
+  const double angle = 2.5 / scene_.cameras[0].fl_x;
+  poses[3].rotation *= Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  io::Workers workers(2);
+  EXPECT_TRUE(FindTransients(scene_, poses, dataset_, {}, 2, *scene_field_, &workers).empty());
+}
+
 TEST_F(Transients, AreNotLookedForWherePicturesAreNotUsed) {
   Paint(kWalker, kSide, 3, Picture(3));
   std::vector<bool> used(dataset_.n_pixels(), true);
