@@ -28,11 +28,14 @@ constexpr double kSameDepth = 0.1;
 // What touches a transient joins it from so many times the least suspect difference on.
 constexpr float kTouching = 2;
 // What makes suspects a transient: how many they are, as a share of their picture, how much they differ where
-// they differ most, and the correlation of slopes, whereby the rendering may lie this part of the longer side
-// beside. Of all these places one reaches half of it by chance.
+// they differ most, and the correlation of slopes.
 constexpr double kLeastPatchShare = 0.003, kMostCorrelation = 0.3;
 constexpr float kStrongError = 0.3f;
+// What the field shows as well, but up to this part of the longer side beside, is none. It correlates there,
+// and differs by no more than this share of the squared difference in place: ghosts of someone who walks by
+// differ by most of it.
 constexpr int kShiftsOfSide = 32;
+constexpr double kLeastCorrelationBeside = 0.2, kMostDifferenceBeside = 0.6;
 // Pixels of the small picture by which gaps in a transient are closed.
 constexpr int kClose = 2;
 // Every so many pixels tell what is usual.
@@ -182,29 +185,43 @@ struct Patch {
   float largest_error = 0;
 };
 
-// The correlation of slopes, with the rendering shifted.
-double Correlation(const Patch& patch, const SmallView& view, const cv::Point& shift) {
+// The photograph of a patch beside the shifted rendering.
+struct Likeness {
+  double correlation = 0;         // of slopes
+  double squared_difference = 0;  // mean
+};
+
+Likeness Compare(const Patch& patch, const SmallView& view, const cv::Point& shift) {
   const cv::Mat3b &photo = view.photo, &rendering = view.rendering;
   const cv::Rect inside(0, 0, photo.cols - 1, photo.rows - 1);
   const cv::Point right(1, 0), below(0, 1);
   Slopes slopes;
+  double squares = 0;
+  int n = 0;
   for (const cv::Point& at : patch.pixels) {
     const cv::Point shifted = at + shift;
     if (!inside.contains(at) || !inside.contains(shifted)) continue;
     slopes.Add(photo(at), photo(at + right), rendering(shifted), rendering(shifted + right));
     slopes.Add(photo(at), photo(at + below), rendering(shifted), rendering(shifted + below));
+    const cv::Vec3d difference = cv::Vec3d(photo(at)) - cv::Vec3d(rendering(shifted));
+    squares += difference.dot(difference), ++n;
   }
-  return slopes.Correlation();
+  return {slopes.Correlation(), squares / std::max(1, n)};
 }
 
 bool IsTransient(const Patch& patch, const SmallView& view) {
   if (static_cast<double>(patch.pixels.size()) < kLeastPatchShare * static_cast<double>(view.photo.total()) ||
       patch.largest_error < kStrongError)
     return false;
+  const Likeness in_place = Compare(patch, view, {0, 0});
+  if (in_place.correlation >= kMostCorrelation) return false;
   const int most = std::max(view.photo.cols, view.photo.rows) / kShiftsOfSide;
   for (int dy = -most; dy <= most; ++dy) {
     for (int dx = -most; dx <= most; ++dx) {
-      if (Correlation(patch, view, {dx, dy}) >= kMostCorrelation) return false;
+      const Likeness beside = Compare(patch, view, {dx, dy});
+      if (beside.correlation >= kLeastCorrelationBeside &&
+          beside.squared_difference <= kMostDifferenceBeside * in_place.squared_difference)
+        return false;
     }
   }
   return true;

@@ -10,9 +10,9 @@
 //   sum(dP . dR) / sqrt(sum |dP|^2 sum |dR|^2) < 0.3,   dP, dR: slopes of photograph and rendering.
 //
 // Shadows and highlights, which move with the camera or the photographer, keep the texture that they lie on.
-// The correlation has to be low for shifts of the rendering, too: where a pose or a depth is wrong, as of
-// what few views show far behind the subject, the field shows the same a few pixels beside. Before the sky
-// nothing is suspect: other views see it beside a roof that the field has not learnt yet.
+// Where a pose or a depth is wrong, as of what few views show far behind the subject, the field shows the
+// same a few pixels beside: that is no transient either. Before the sky nothing is suspect: other views see
+// it beside a roof that the field has not learnt yet.
 #pragma once
 
 #include <cstdint>
