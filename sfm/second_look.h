@@ -44,6 +44,18 @@ struct UncertainPicture {
 std::vector<UncertainPicture> UncertainPictures(const io::ColmapModel& model,
                                                 const BundleUncertainty& uncertainty);
 
+struct MisfittingPicture {
+  std::string name;
+  int n_points;      // that it observes
+  double error_px;   // mean reprojection error, divided by Observation::sigma
+  double median_px;  // of all pictures
+};
+
+// Pictures of an adjusted model that observe hardly any points, and those with large errors. What shines
+// shows reflections: they move with the camera and agree, though not well, on a pose that is wrong by
+// degrees. Largest error first.
+std::vector<MisfittingPicture> MisfittingPictures(const io::ColmapModel& model);
+
 // The model without these frames, without points that fewer than two other frames see, and without cameras
 // that took none of the others.
 io::ColmapModel WithoutFrames(const io::ColmapModel& model, const std::set<std::string>& names);

@@ -126,6 +126,12 @@ void Session::ResolveContradictions() {
   bridged_.clear();
 }
 
+std::vector<std::string> Session::NamesOf(const std::vector<int>& pictures) const {
+  std::vector<std::string> names;
+  for (const int i : pictures) names.push_back(pictures_[static_cast<std::size_t>(i)].name);
+  return names;
+}
+
 bool Session::InBlocks() const {
   if (options_.mapping == "auto") return n() > options_.whole_pictures && !as_a_whole_;
   return options_.mapping == "blocks";
@@ -152,7 +158,11 @@ Reconstruction Session::Finish() {
   for (const io::Frame& frame : result_.model.scene.frames) registered.insert(frame.image_path.string());
   for (const Picture& picture : pictures_) {
     if (registered.count(picture.name) > 0) continue;
-    result_.unregistered.push_back({picture.name, ExplainMissingPicture(picture.name, best_->evidence)});
+    const auto taken_out = taken_out_.find(picture.name);
+    result_.unregistered.push_back({picture.name,
+                                    taken_out == taken_out_.end()
+                                        ? ExplainMissingPicture(picture.name, best_->evidence)
+                                        : Refusal{RefusalCause::kMisfit, taken_out->second}});
   }
   DescribeFlatness();
   if (result_.turntable)
@@ -229,17 +239,31 @@ void Session::Adjust() {
   result_.times.adjusting_s += stopwatch.seconds();
 }
 
-std::set<std::string> Session::UncertainNames() const {
+std::set<std::string> Session::TakeOutMisfitting() {
+  std::set<std::string> names;
+  for (const MisfittingPicture& picture : MisfittingPictures(result_.model)) {
+    names.insert(picture.name);
+    TakeOut(
+        picture.name,
+        fmt::format("its pose hangs on {} points only and their errors are {:.1f} times as large as in other "
+                    "pictures: mostly reflections",
+                    picture.n_points,
+                    picture.error_px / picture.median_px));
+  }
+  return names;
+}
+
+std::set<std::string> Session::TakeOutUncertain() {
   std::set<std::string> names;
   for (const UncertainPicture& picture : UncertainPictures(result_.model, result_.uncertainty)) {
-    decide_(
-        fmt::format("{}: taken out, because its pose hangs on {} points and is uncertain by {:.2f} degrees, "
-                    "{:.0f} times as much as those of others",
-                    picture.name,
+    names.insert(picture.name);
+    TakeOut(
+        picture.name,
+        fmt::format("its pose hangs on {} points and is uncertain by {:.2f} degrees, {:.0f} times as much as "
+                    "those of others",
                     picture.n_points,
                     picture.rotation_deg,
                     picture.rotation_deg / picture.median_deg));
-    names.insert(picture.name);
   }
   const std::set<std::string> beyond = PicturesBeyondLeaps(result_.model.scene, best_->views->names);
   if (!beyond.empty()) {
@@ -267,12 +291,22 @@ std::set<std::string> Session::UncertainNames() const {
   return names;
 }
 
+void Session::TakeOut(const std::string& name, const std::string& reason) {
+  decide_(name + ": taken out, because " + reason);
+  taken_out_[name] = reason;
+}
+
 void Session::DropUncertainPictures() {
-  const std::set<std::string> names = UncertainNames();
-  if (names.empty()) return;
-  // From the beginning: a picture in a wrong place bends the cameras of all.
-  result_.model = WithoutFrames(best_->models.front(), names);
-  Adjust();
+  std::set<std::string> dropped;
+  std::set<std::string> names = TakeOutUncertain();
+  names.merge(TakeOutMisfitting());
+  // Wrong poses support each other: without these, others may stand out.
+  for (; !names.empty(); names = TakeOutMisfitting()) {
+    dropped.merge(names);
+    // From the beginning: a picture in a wrong place bends the cameras of all.
+    result_.model = WithoutFrames(best_->models.front(), dropped);
+    Adjust();
+  }
 }
 
 PairAgreement Session::Agreement() const {

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -61,6 +62,7 @@ class Session {
   };
 
   int n() const { return static_cast<int>(pictures_.size()); }
+  std::vector<std::string> NamesOf(const std::vector<int>& pictures) const;
   // Whether pictures are mapped in overlapping blocks.
   bool InBlocks() const;
   bool Registered(double share) const;
@@ -87,8 +89,10 @@ class Session {
   PairAgreement Agreement() const;
   void Adjust();
   void DropUncertainPictures();
-  // Of the adjusted model, with the reason; the largest attempt keeps them.
-  std::set<std::string> UncertainNames() const;
+  // Names pictures of the adjusted model, with the reason; model and largest attempt keep them.
+  std::set<std::string> TakeOutUncertain();
+  std::set<std::string> TakeOutMisfitting();
+  void TakeOut(const std::string& name, const std::string& reason);
   void RefuseUnusable() const;
   // Seen straight down, a flat ground looks the same from higher up through a longer lens.
   void DescribeFlatness() const;
@@ -99,7 +103,8 @@ class Session {
   const Decide& decide_;
   std::shared_ptr<const CapturedViews> views_;  // with the latest features
   std::optional<MappingAttempt> best_;
-  std::set<std::string> bridged_;  // pictures that are joined to the others across a gap
+  std::set<std::string> bridged_;                 // pictures that are joined to the others across a gap
+  std::map<std::string, std::string> taken_out_;  // why, by picture
   int n_attempts_ = 0;
   int max_features_ = 0, best_max_features_ = 0;  // per picture, of the latest ones and of the best attempt
   double retry_s_ = 0;                            // spent on further attempts

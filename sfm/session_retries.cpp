@@ -95,10 +95,8 @@ void Session::TryStrongerSettings(const std::vector<PairMatches>& matches, std::
 
 std::vector<Features> Session::EvenContrastFeatures(const std::vector<int>& chosen) {
   const io::Stopwatch stopwatch;
-  std::vector<std::string> names;
-  for (const int i : chosen) names.push_back(pictures_[static_cast<std::size_t>(i)].name);
   std::vector<Features> found = DetectOnAllRanks(images_folder_,
-                                                 names,
+                                                 NamesOf(chosen),
                                                  options_.masks_folder,
                                                  {.max_features = best_max_features_,
                                                   .max_image_size = options_.max_image_size,
@@ -140,7 +138,7 @@ void Session::BridgeGaps() {
   }
   decide_(fmt::format("{} more pictures, joined to the others across a gap",
                       attempt.Registered() - best_->Registered()));
-  for (const int i : LeftOutPictures(*best_)) bridged_.insert(pictures_[static_cast<std::size_t>(i)].name);
+  for (const std::string& name : NamesOf(LeftOutPictures(*best_))) bridged_.insert(name);
   best_ = std::move(attempt);
 }
 
@@ -195,18 +193,20 @@ void Session::LookAgain() {
 }
 
 void Session::AddToModel(const std::vector<int>& chosen, int max_features) {
-  std::vector<std::string> names;
-  for (const int i : chosen) names.push_back(pictures_[static_cast<std::size_t>(i)].name);
+  const std::vector<std::string> names = NamesOf(chosen);
   views_ = WithMoreFeatures(*best_->views, chosen, names, max_features);
   std::vector<PairMatches> matches = Match(PairsWith(chosen, n()));
   if (stands_still_) DropStationaryMatches(views_->features, &matches);
-  const int before = best_->Registered();
+  const std::vector<int> left_out = LeftOutPictures(*best_);
   best_ =
       Continue(*best_, pictures_, views_, matches, names, images_folder_, AttemptFolder(), options_.threads);
   CountAttempt(*best_);
-  for (const std::string& name : DropContradicted(names, &*best_))
-    decide_(name + ": added, and taken out again, because most of its matches contradict the pose found");
-  decide_(fmt::format("the second look registered {} more", best_->Registered() - before));
+  // All that were left out, chosen or not: continuing with some may bring in others.
+  for (const std::string& name : DropContradicted(NamesOf(left_out), &*best_))
+    TakeOut(name, "most of its matches contradict the pose found by the second look");
+  const auto registered =
+      static_cast<int>(left_out.size()) - static_cast<int>(LeftOutPictures(*best_).size());
+  decide_(fmt::format("the second look registered {} more", registered));
 }
 
 }  // namespace sfm

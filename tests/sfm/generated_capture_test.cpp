@@ -1,5 +1,6 @@
 // Captures of numbers instead of pictures, reconstructed from their matches on.
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "sfm/colmap/colmap_database.h"
@@ -70,6 +71,35 @@ TEST_F(GeneratedCapture, WhatALeapLeavesMustBeMoreThanAFragment) {
   const sfm::Refusal refusal = RefusalOf([&] { Run(LeapingRing(45, 9)); });
   EXPECT_EQ(Decided("7 pictures taken out"), 1);
   EXPECT_NE(refusal.figures.find("only 9 fit together"), std::string::npos) << refusal.figures;
+}
+
+// A fifth of the usual number of points is enough for a picture while they fit as well as elsewhere.
+TEST_F(GeneratedCapture, FewPointsThatFitBadlyHoldNoPicture) {
+  REQUIRE_PROGRAM("colmap");
+  constexpr std::size_t kPicture = 5;
+  constexpr int kPoints = 30;
+  for (const bool fits : {true, false}) {
+    sfm::SyntheticCapture capture =
+        sfm::MakeSyntheticCapture({.pictures = 12, .points = 300, .noise_px = 0.3});
+    for (sfm::PairMatches& pair : capture.matches) {
+      const std::size_t side = pair.b == kPicture ? 1 : 0;
+      if (pair.a != kPicture && pair.b != kPicture) continue;
+      std::erase_if(pair.matches, [&](const auto& match) { return match[side] >= kPoints; });
+    }
+    std::vector<sfm::Keypoint>& keypoints = capture.features[kPicture].keypoints;
+    for (std::size_t i = 0; !fits && i < keypoints.size(); ++i) {
+      keypoints[i].x += static_cast<float>(2 * std::sin(1.7 * static_cast<double>(i)));
+      keypoints[i].y += static_cast<float>(2 * std::cos(2.3 * static_cast<double>(i)));
+    }
+    const sfm::Reconstruction result = Run(capture);
+    EXPECT_EQ(result.model.scene.frames.size(), fits ? 12u : 11u);
+    ASSERT_EQ(result.unregistered.size(), fits ? 0u : 1u);
+    if (fits) continue;
+    EXPECT_EQ(result.unregistered[0].name, pictures_[kPicture].name);
+    EXPECT_NE(result.unregistered[0].refusal.figures.find("reflections"), std::string::npos)
+        << result.unregistered[0].refusal.figures;
+    fs::remove_all(folder_ / "work");
+  }
 }
 
 // Parallel cameras on a line do not tell the focal length; an overlay stands still in all pictures.

@@ -134,6 +134,40 @@ TEST(SecondLook, APoseIsUncertainByItselfAndBesideOthers) {
   EXPECT_EQ(uncertain(limit_deg / 4, 6, std::numeric_limits<double>::infinity()), Names{name});
 }
 
+// A quarter of the usual number of points, with errors one and a half times as large: each alone is right in
+// some capture. Errors count over what the feature's size lets expect.
+TEST(SecondLook, FewPointsThatFitBadlyAreReflections) {
+  const sfm::SyntheticCapture capture = sfm::MakeSyntheticCapture({.pictures = 10, .points = 200, .seed = 4});
+  const auto misfits = [&](int n_points, double error_px, double sigma) {
+    io::ColmapModel model;
+    model.scene = capture.truth;
+    for (int frame = 0; frame < 10; ++frame) {
+      const bool odd = frame == 6;
+      for (int point = 0; point < (odd ? n_points : 100); ++point) {
+        io::Observation observation{.frame_index = frame, .point_index = point, .sigma = odd ? sigma : 1};
+        observation.xy = io::Project(model.scene, observation).value();
+        observation.xy.x() += odd ? error_px : 0.5;
+        model.observations.push_back(observation);
+      }
+    }
+    Names names;
+    for (const sfm::MisfittingPicture& picture : sfm::MisfittingPictures(model)) {
+      EXPECT_EQ(picture.n_points, n_points);
+      EXPECT_NEAR(picture.error_px, error_px / sigma, 1e-9);
+      EXPECT_NEAR(picture.median_px, 0.5, 1e-9);
+      names.push_back(picture.name);
+    }
+    return names;
+  };
+  const std::string name = capture.truth.frames[6].image_path.string();
+  EXPECT_EQ(misfits(24, 0.76, 1), Names{name});
+  EXPECT_EQ(misfits(25, 0.76, 1), Names{});
+  EXPECT_EQ(misfits(24, 0.74, 1), Names{});
+  EXPECT_EQ(misfits(24, 0.76, 2), Names{});
+  EXPECT_EQ(misfits(24, 1.52, 2), Names{name});
+  EXPECT_TRUE(sfm::MisfittingPictures({}).empty());
+}
+
 TEST(SecondLook, WithoutAPictureNothingOfItIsLeft) {
   io::ColmapModel model;
   for (const int width : {100, 200, 300}) model.scene.cameras.push_back({.width = width});
