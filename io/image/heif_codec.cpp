@@ -31,9 +31,7 @@ void ReadProfile(const heif_image_handle* handle, PhotoTags* tags) {
   const heif_color_profile_type type = heif_image_handle_get_color_profile_type(handle);
   if (type != heif_color_profile_type_prof && type != heif_color_profile_type_rICC) return;
   std::string icc(heif_image_handle_get_raw_color_profile_size(handle), '\0');
-  if (heif_image_handle_get_raw_color_profile(handle, icc.data()).code == heif_error_Ok) {
-    tags->colour_profile = ForeignProfileName(icc);
-  }
+  if (heif_image_handle_get_raw_color_profile(handle, icc.data()).code == heif_error_Ok) tags->icc = icc;
 }
 
 }  // namespace

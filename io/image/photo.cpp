@@ -8,6 +8,7 @@
 
 #include "io/base/check.h"
 #include "io/base/error.h"
+#include "io/image/colour_profile.h"
 #include "io/image/image_size.h"
 #include "io/image/media_type.h"
 #include "io/image/photo_codecs.h"
@@ -112,8 +113,11 @@ Photo DecodePhoto(std::string_view file, int max_side) {
   photo.full_height = tags.orientation >= 5 ? stored.width : stored.height;
   photo.make = tags.make;
   photo.model = tags.model;
-  if (!tags.colour_profile.empty()) {
-    photo.notes.push_back("colour profile '" + tags.colour_profile + "' ignored: colours are read as sRGB");
+  if (const std::string profile = ForeignProfileName(tags.icc); !profile.empty()) {
+    const bool is_converted = ConvertToSrgb(tags.icc, &photo.image);
+    photo.notes.push_back(
+        "colour profile '" + profile +
+        (is_converted ? "': colours converted to sRGB" : "' ignored: colours are read as sRGB"));
   }
   if (const auto focal = FocalPixels(tags, width, height)) {
     const double per_side = *focal / std::max(width, height);

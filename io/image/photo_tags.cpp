@@ -45,12 +45,6 @@ PhotoTags TagsOf(const Exiv2::ExifData& exif) {
   return tags;
 }
 
-std::uint32_t BigEndian32(std::string_view bytes, std::size_t offset) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[offset + i]);
-  return value;
-}
-
 }  // namespace
 
 PhotoTags ReadPhotoTags(std::string_view file) {
@@ -66,8 +60,7 @@ PhotoTags ReadPhotoTags(std::string_view file) {
     }
     PhotoTags tags = TagsOf(image->exifData());
     if (const Exiv2::DataBuf* icc = image->iccProfile(); icc && icc->size_ > 0) {
-      tags.colour_profile = ForeignProfileName(
-          {reinterpret_cast<const char*>(icc->pData_), static_cast<std::size_t>(icc->size_)});
+      tags.icc.assign(reinterpret_cast<const char*>(icc->pData_), static_cast<std::size_t>(icc->size_));
     }
     return tags;
   } catch (const std::exception&) {
@@ -86,27 +79,6 @@ PhotoTags ParseExif(std::string_view exif) {
   } catch (const std::exception&) {
     return {};
   }
-}
-
-std::string ForeignProfileName(std::string_view icc) {
-  constexpr std::size_t kHeader = 128, kTagEntry = 12;  // ICC.1:2010, sections 7.2 and 7.3
-  std::string name = "unnamed";
-  if (icc.size() < kHeader + 4) return name;
-  const std::size_t n_tags =
-      std::min<std::size_t>(BigEndian32(icc, kHeader), (icc.size() - kHeader - 4) / kTagEntry);
-  for (std::size_t i = 0; i < n_tags; ++i) {
-    const std::size_t entry = kHeader + 4 + i * kTagEntry;
-    const std::size_t offset = BigEndian32(icc, entry + 4), size = BigEndian32(icc, entry + 8);
-    if (icc.substr(entry, 4) != "desc" || offset > icc.size() || size > icc.size() - offset) continue;
-    // Both text types ('desc': ASCII, 'mluc': UTF-16) reduce to the ASCII characters behind their header.
-    constexpr std::size_t kTextHeader = 12;
-    std::string text(icc.substr(offset, size).substr(std::min(size, kTextHeader)));
-    if (icc.substr(offset, 4) == "mluc") text = text.substr(std::min<std::size_t>(text.size(), 16));
-    if (icc.substr(offset, 4) == "desc") text = text.substr(0, text.find('\0'));
-    std::erase_if(text, [](char c) { return c < ' ' || c > '~'; });
-    if (!text.empty()) name = text.substr(0, 64);
-  }
-  return name.find("sRGB") != std::string::npos ? "" : name;
 }
 
 std::optional<double> FocalPixels(const PhotoTags& tags, int width, int height) {

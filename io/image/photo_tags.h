@@ -15,7 +15,7 @@ struct PhotoTags {
   double focal_mm = 0;           // 0: absent
   double pixels_per_mm = 0;      // on the sensor, for a picture `pixel_x_dimension` wide; 0: absent
   double pixel_x_dimension = 0;  // width the camera wrote [px]; 0: absent
-  std::string colour_profile;    // description of the embedded ICC profile; empty: none, or sRGB
+  std::string icc;               // the embedded colour profile; empty: none
 };
 
 // Never throws: damaged metadata counts as absent. `file` is a whole JPEG, PNG, TIFF or WebP file.
@@ -23,9 +23,6 @@ PhotoTags ReadPhotoTags(std::string_view file);
 
 // `exif` is a TIFF-structured EXIF block; HEIF carries it outside of any container known to ReadPhotoTags.
 PhotoTags ParseExif(std::string_view exif);
-
-// The 'desc' text of an ICC profile, or "unnamed"; empty when it is sRGB.
-std::string ForeignProfileName(std::string_view icc);
 
 // Focal length in pixels of a picture of width x height pixels:
 //   f = focal_35mm * hypot(width, height) / hypot(36, 24)   (CIPA DCG-001: equal diagonal angle of view), or

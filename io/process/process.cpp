@@ -15,6 +15,7 @@
 #include <sstream>
 #include <thread>
 
+#include "io/base/atomic_file.h"
 #include "io/base/error.h"
 #include "io/base/memory.h"
 #include "io/process/interrupt.h"
@@ -146,6 +147,22 @@ ProcessReport RunProcess(const std::vector<std::string>& argv, const ProcessOpti
   }
   if (report.exit_code == kExecFailed) throw Error(ExitCode::kMissingTool, argv[0] + ": cannot be started");
   return report;
+}
+
+std::string OutputOf(const std::vector<std::string>& argv, double timeout_s) {
+  std::string log = (std::filesystem::temp_directory_path() / "pipeline_output_XXXXXX").string();
+  const int fd = mkstemp(log.data());
+  if (fd < 0) throw Error(ExitCode::kNoResources, log + ": cannot be created", "Set TMPDIR");
+  close(fd);
+  try {
+    RunProcess(argv, {.timeout_s = timeout_s, .log_path = log});
+  } catch (...) {
+    std::filesystem::remove(log);
+    throw;
+  }
+  const std::string text = ReadFile(log);
+  std::filesystem::remove(log);
+  return text;
 }
 
 std::string LogTail(const std::filesystem::path& log_path, int lines) {

@@ -40,6 +40,9 @@ std::optional<std::filesystem::path> FindProgram(const std::string& name);
 // kMissingTool when the program cannot be started.
 ProcessReport RunProcess(const std::vector<std::string>& argv, const ProcessOptions& options);
 
+// Everything that a program prints within timeout_s, however it ends.
+std::string OutputOf(const std::vector<std::string>& argv, double timeout_s);
+
 // The last lines of a log, for messages.
 std::string LogTail(const std::filesystem::path& log_path, int lines);
 

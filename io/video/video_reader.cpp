@@ -9,12 +9,14 @@
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <optional>
 
 #include "io/base/error.h"
 #include "io/base/memory.h"
 #include "io/image/media_type.h"
 #include "io/image/photo.h"
 #include "io/video/mp4_boxes.h"
+#include "io/video/video_colours.h"
 
 namespace io {
 namespace {
@@ -38,6 +40,7 @@ struct VideoReader::State {
   int fd = -1;
   cv::VideoCapture capture;
   VideoInfo info;
+  std::optional<ColourConversion> colours;
   int n_read = 0;
   int orientation = 1;
 
@@ -90,9 +93,11 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   // FFmpeg's tag of planar YUV with more than 8 bits: 'Y', plane layout, 11 or 10, bits.
   const auto pixel_format = static_cast<std::uint32_t>(s.capture.get(cv::CAP_PROP_CODEC_PIXEL_FORMAT));
   const std::uint32_t bits = pixel_format >> 24;
-  if ((pixel_format & 0xff) == 'Y' && bits > 8 && bits <= 16) {
-    s.info.notes.push_back(fmt::format("{} bits per channel reduced to 8, without tone mapping", bits));
-  }
+  if ((pixel_format & 0xff) == 'Y' && bits > 8 && bits <= 16)
+    s.info.notes.push_back(fmt::format("{} bits per channel reduced to 8", bits));
+  s.colours.emplace(ReadVideoColours(path), s.info.height);
+  if (s.colours->IsHdr())
+    s.info.notes.push_back("high dynamic range brought to that of photos, colours to sRGB");
 }
 
 VideoReader::~VideoReader() = default;
@@ -106,6 +111,12 @@ bool VideoReader::Skip() {
 }
 
 bool VideoReader::Read(int max_side, VideoFrame* frame) {
+  if (!ReadAsDecoded(max_side, frame)) return false;
+  state_->colours->Convert(&frame->image);
+  return true;
+}
+
+bool VideoReader::ReadAsDecoded(int max_side, VideoFrame* frame) {
   if (!Skip()) return false;
   State& s = *state_;
   cv::Mat bgr;

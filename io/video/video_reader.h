@@ -31,8 +31,11 @@ class VideoReader {
 
   const VideoInfo& info() const;
 
-  // The next frame, its longest side limited to max_side [px] by area averaging. False at the end.
+  // The next frame in sRGB (io/video/video_colours.h), its longest side limited to max_side [px] by area
+  // averaging. False at the end.
   bool Read(int max_side, VideoFrame* frame);
+  // The same with the colours that the decoder makes of it, for measurements.
+  bool ReadAsDecoded(int max_side, VideoFrame* frame);
   // Passes over the next frame. False at the end.
   bool Skip();
 

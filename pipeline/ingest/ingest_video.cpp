@@ -63,7 +63,7 @@ VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
   while (options.last_frame < 0 || measure.n_decoded <= options.last_frame) {
     io::ThrowIfInterrupted();
     const bool in_range = measure.n_decoded >= options.first_frame;
-    if (!(in_range ? reader->Read(kMeasureSide, &frame) : reader->Skip())) {
+    if (!(in_range ? reader->ReadAsDecoded(kMeasureSide, &frame) : reader->Skip())) {
       measure.reached_end = true;
       break;
     }

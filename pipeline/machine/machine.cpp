@@ -42,17 +42,7 @@ double MemoryGib(const std::string& key) {
   return kib / (1 << 20);
 }
 
-// Everything the program prints.
-std::string OutputOf(const std::vector<std::string>& argv) {
-  std::string log = (fs::temp_directory_path() / "pipeline_probe_XXXXXX").string();
-  const int fd = mkstemp(log.data());
-  if (fd < 0) throw io::Error(io::ExitCode::kNoResources, log + ": cannot be created", "Set TMPDIR");
-  close(fd);
-  io::RunProcess(argv, {.timeout_s = kProbeTimeout_s, .log_path = log});
-  const std::string text = io::ReadFile(log);
-  fs::remove(log);
-  return text;
-}
+std::string OutputOf(const std::vector<std::string>& argv) { return io::OutputOf(argv, kProbeTimeout_s); }
 
 std::string FirstMatch(const std::string& text, const char* pattern) {
   std::smatch match;

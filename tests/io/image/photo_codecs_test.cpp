@@ -211,7 +211,7 @@ TEST(PhotoCodecs, TiffsOfInkOrFractionsAreRefused) {
   EXPECT_NE(ReasonFor(Encode(".tiff", fractions)).find("neither 8 nor 16 bits"), std::string::npos);
 }
 
-std::string EncodeHeic(const io::Image& image) {
+std::string EncodeHeic(const io::Image& image, const std::string& icc) {
   std::unique_ptr<heif_context, decltype(&heif_context_free)> heif(heif_context_alloc(), heif_context_free);
   heif_encoder* encoder = nullptr;
   if (heif_context_get_encoder_for_format(heif.get(), heif_compression_HEVC, &encoder).code != heif_error_Ok)
@@ -225,6 +225,7 @@ std::string EncodeHeic(const io::Image& image) {
   for (int y = 0; y < image.height; ++y) {
     std::memcpy(plane + y * stride, image.Pixel(0, y), static_cast<std::size_t>(image.width) * 3);
   }
+  if (!icc.empty()) heif_image_set_raw_color_profile(target, "prof", icc.data(), icc.size());
   heif_image_handle* handle = nullptr;
   EXPECT_EQ(heif_context_encode_image(heif.get(), target, encoder, nullptr, &handle).code, heif_error_Ok);
   heif_writer writer = {1, [](heif_context*, const void* data, size_t size, void* file) {
@@ -244,7 +245,7 @@ TEST(PhotoCodecs, HeicIsDecoded) {
   for (std::size_t i = 0; i < image.data.size(); ++i) {
     image.data[i] = i % 3 == 0 ? 200 : i % 3 == 1 ? static_cast<std::uint8_t>(i / 3 % 128) : 50;
   }
-  const std::string file = EncodeHeic(image);
+  const std::string file = EncodeHeic(image, "");
   if (file.empty()) GTEST_SKIP() << "libheif has no HEVC encoder here";
   EXPECT_EQ(io::MediaTypeOf(file), io::MediaType::kHeif);
   const io::Photo photo = io::DecodePhoto(file, 64);
@@ -254,6 +255,10 @@ TEST(PhotoCodecs, HeicIsDecoded) {
   EXPECT_NEAR(photo.image.Pixel(30, 20)[1], 60, 8);
   EXPECT_NEAR(photo.image.Pixel(30, 20)[2], 50, 8);
   EXPECT_NE(ReasonFor(file.substr(0, file.size() / 2)), "");
+  EXPECT_TRUE(photo.notes.empty());
+  const std::vector<std::string> notes = io::DecodePhoto(EncodeHeic(image, "no profile"), 64).notes;
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_EQ(notes[0], "colour profile 'unnamed' ignored: colours are read as sRGB");
 }
 
 }  // namespace

@@ -223,4 +223,9 @@ TEST(Process, LogTailKeepsTheLastLinesShort) {
   EXPECT_EQ(io::LogTail(dir / "none", 3), "");
 }
 
+TEST(Process, OutputIsAllThatIsPrintedHoweverItEnds) {
+  EXPECT_EQ(io::OutputOf({"/bin/sh", "-c", "echo a; echo b >&2; exit 3"}, 10), "a\nb\n");
+  EXPECT_EQ(io::OutputOf({"/bin/sh", "-c", "echo a; exec sleep 60"}, 0.3), "a\n");
+}
+
 }  // namespace
