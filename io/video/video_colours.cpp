@@ -10,8 +10,8 @@
 namespace io {
 namespace {
 
-constexpr double kProbeTimeoutS = 20;  // reading a header takes less than a second
-constexpr int kMostLinesOfBt601 = 576;
+constexpr double kProbeTimeoutS = 20;         // reading a header takes less than a second
+constexpr int kLargestBt601 = 576;            // [px] shorter side of television before HD
 constexpr double kPeak = 1000, kWhite = 203;  // [cd/m^2]
 constexpr double kSystemGamma = 1.2;          // of HLG on a display of kPeak
 constexpr int kIntervals = 4096;              // of a table
@@ -119,11 +119,11 @@ std::array<float, 9> InFloat(const std::array<double, 9>& matrix) {
 // Of light by BT.2020's primaries; its first row.
 constexpr std::array<double, 9> kLuminance{kBt2020.red, kBt2020.green(), kBt2020.blue};
 
-const Luma& LumaOf(const std::string& matrix, int height) {
+const Luma& LumaOf(const std::string& matrix, int shorter_side) {
   if (matrix == "bt709") return kBt709;
   if (matrix == "bt2020nc" || matrix == "bt2020c") return kBt2020;
   const bool is_said = !matrix.empty() && matrix != "unknown";
-  return is_said || height <= kMostLinesOfBt601 ? kBt601 : kBt709;
+  return is_said || shorter_side <= kLargestBt601 ? kBt601 : kBt709;
 }
 
 }  // namespace
@@ -156,8 +156,8 @@ VideoColours ReadVideoColours(const std::filesystem::path& path) {
   return {value("color_space"), value("color_transfer"), value("color_primaries")};
 }
 
-ColourConversion::ColourConversion(const VideoColours& colours, int height) {
-  const Luma& luma = LumaOf(colours.matrix, height);
+ColourConversion::ColourConversion(const VideoColours& colours, int shorter_side) {
+  const Luma& luma = LumaOf(colours.matrix, shorter_side);
   signal_ = Elements(FromYCbCr(luma) * FromYCbCr(kBt601).inv());
   if (colours.transfer == "arib-std-b67") transfer_ = Transfer::kHlg;
   if (colours.transfer == "smpte2084") transfer_ = Transfer::kPq;

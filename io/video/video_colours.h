@@ -20,7 +20,7 @@ VideoColours ReadVideoColours(const std::filesystem::path& path);
 
 // To sRGB, from R'G'B' that a decoder made of Y'CbCr by the matrix of BT.601 whatever the file says, as
 // OpenCV does:
-// - R'G'B' by the file's own matrix. Where it names none, more than 576 lines have that of BT.709.
+// - R'G'B' by the file's own matrix. Where it names none, a shorter side of more than 576 has that of BT.709.
 // - HDR (HLG with a system gamma of 1.2, or PQ; ITU-R BT.2100): the light of a display of 1000 cd/m^2. The
 //   largest of R, G and B is brought to at most 203 cd/m^2, the white of BT.2408 [EETF of ITU-R BT.2390]: up
 //   to 92 cd/m^2 nothing changes, 203 becomes 230 of 255.
@@ -29,7 +29,7 @@ class ColourConversion {
  public:
   using Colour = std::array<double, 3>;  // R'G'B' in [0, 1]
 
-  ColourConversion(const VideoColours& colours, int height);
+  ColourConversion(const VideoColours& colours, int shorter_side);
 
   bool IsHdr() const { return transfer_ != Transfer::kSdr; }
   // Whether any colour changes.
@@ -45,7 +45,7 @@ class ColourConversion {
   enum class Transfer { kSdr, kHlg, kPq };
   using Matrix = std::array<double, 9>;
 
-  // Of a display (of a scene: HLG), over the peak's.
+  // Linear light of a signal, the peak's being 1: the display's, of HLG the scene's.
   double Light(double signal) const;
   void ConvertLight(std::uint8_t* pixel) const;
 

@@ -95,7 +95,7 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   const std::uint32_t bits = pixel_format >> 24;
   if ((pixel_format & 0xff) == 'Y' && bits > 8 && bits <= 16)
     s.info.notes.push_back(fmt::format("{} bits per channel reduced to 8", bits));
-  s.colours.emplace(ReadVideoColours(path), s.info.height);
+  s.colours.emplace(ReadVideoColours(path), std::min(s.info.width, s.info.height));
   if (s.colours->IsHdr())
     s.info.notes.push_back("high dynamic range brought to that of photos, colours to sRGB");
 }
