@@ -97,7 +97,7 @@ std::vector<float> TableOf(const Function& function) {
 
 // The value at the nearest place.
 float At(const std::vector<float>& table, float v) {
-  return table[static_cast<std::size_t>(std::clamp(v, 0.f, 1.f) * kIntervals + 0.5f)];
+  return table[static_cast<std::size_t>(cvRound(std::clamp(v, 0.f, 1.f) * kIntervals))];
 }
 
 std::array<double, 9> Elements(const cv::Matx33d& matrix) { return std::to_array(matrix.val); }
@@ -210,7 +210,7 @@ void ColourConversion::ConvertLight(std::uint8_t* pixel) const {
   if (IsHdr()) scale *= At(tone_, FourthRoot(scale * std::max({colour[0], colour[1], colour[2]})));
   if (wide_) colour = Times(InFloat(primaries_), colour);
   for (std::size_t i = 0; i < 3; ++i)
-    pixel[i] = static_cast<std::uint8_t>(At(encode_, std::sqrt(std::max(scale * colour[i], 0.f))) + 0.5f);
+    pixel[i] = static_cast<std::uint8_t>(cvRound(At(encode_, std::sqrt(std::max(scale * colour[i], 0.f)))));
 }
 
 }  // namespace io
