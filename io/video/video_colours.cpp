@@ -103,7 +103,7 @@ float At(const std::vector<float>& table, float v) {
 std::array<double, 9> Elements(const cv::Matx33d& matrix) { return std::to_array(matrix.val); }
 
 template <typename T>
-std::array<T, 3> Times(const std::array<T, 9>& m, const std::array<T, 3>& v) {
+inline std::array<T, 3> Times(const std::array<T, 9>& m, const std::array<T, 3>& v) {
   return {m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
           m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
           m[6] * v[0] + m[7] * v[1] + m[8] * v[2]};
@@ -194,23 +194,24 @@ void ColourConversion::Convert(Image* image) const {
   cv::Mat pixels(image->height, image->width, CV_8UC3, image->data.data());
   if (encode_.empty()) {
     cv::transform(pixels, pixels, cv::Matx33d(signal_.data()));
-  } else {
-    pixels.forEach<cv::Vec3b>([this](cv::Vec3b& pixel, const int*) { ConvertLight(&pixel[0]); });
+    return;
   }
-}
-
-void ColourConversion::ConvertLight(std::uint8_t* pixel) const {
-  std::array<float, 3> colour = Times(InFloat(signal_),
-                                      {static_cast<float>(pixel[0]) / 255,
-                                       static_cast<float>(pixel[1]) / 255,
-                                       static_cast<float>(pixel[2]) / 255});
-  for (float& v : colour) v = At(light_, v);
-  float scale = 1;
-  if (transfer_ == Transfer::kHlg) scale = At(gamma_, FourthRoot(Times(InFloat(kLuminance), colour)[0]));
-  if (IsHdr()) scale *= At(tone_, FourthRoot(scale * std::max({colour[0], colour[1], colour[2]})));
-  if (wide_) colour = Times(InFloat(primaries_), colour);
-  for (std::size_t i = 0; i < 3; ++i)
-    pixel[i] = static_cast<std::uint8_t>(cvRound(At(encode_, std::sqrt(std::max(scale * colour[i], 0.f)))));
+  const std::array<float, 9> signal = InFloat(signal_), luminance = InFloat(kLuminance),
+                             primaries = InFloat(primaries_);
+  pixels.forEach<cv::Vec3b>([&](cv::Vec3b& pixel, const int*) {
+    constexpr float kUnit = 1.f / 255;
+    std::array<float, 3> colour =
+        Times<float>(signal, {kUnit * pixel[0], kUnit * pixel[1], kUnit * pixel[2]});
+    for (float& v : colour) v = At(light_, v);
+    float scale = 1;
+    if (transfer_ == Transfer::kHlg) scale = At(gamma_, FourthRoot(Times(luminance, colour)[0]));
+    if (IsHdr()) scale *= At(tone_, FourthRoot(scale * std::max({colour[0], colour[1], colour[2]})));
+    if (wide_) colour = Times(primaries, colour);
+    for (int i = 0; i < 3; ++i) {
+      const float root = std::sqrt(std::max(scale * colour[static_cast<std::size_t>(i)], 0.f));
+      pixel[i] = static_cast<std::uint8_t>(cvRound(At(encode_, root)));
+    }
+  });
 }
 
 }  // namespace io

@@ -47,7 +47,6 @@ class ColourConversion {
 
   // Linear light of a signal, the peak's being 1: the display's, of HLG the scene's.
   double Light(double signal) const;
-  void ConvertLight(std::uint8_t* pixel) const;
 
   Matrix signal_{}, primaries_{};
   Transfer transfer_ = Transfer::kSdr;
