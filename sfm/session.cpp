@@ -245,8 +245,8 @@ std::set<std::string> Session::TakeOutMisfitting() {
     names.insert(picture.name);
     TakeOut(
         picture.name,
-        fmt::format("its pose hangs on {} points only and their errors are {:.1f} times as large as in other "
-                    "pictures: mostly reflections",
+        fmt::format("its pose hangs on {} points only, whose errors are {:.1f} times as large as in other "
+                    "pictures, as those of reflections are",
                     picture.n_points,
                     picture.error_px / picture.median_px));
   }
@@ -297,16 +297,12 @@ void Session::TakeOut(const std::string& name, const std::string& reason) {
 }
 
 void Session::DropUncertainPictures() {
-  std::set<std::string> dropped;
   std::set<std::string> names = TakeOutUncertain();
   names.merge(TakeOutMisfitting());
-  // Wrong poses support each other: without these, others may stand out.
-  for (; !names.empty(); names = TakeOutMisfitting()) {
-    dropped.merge(names);
-    // From the beginning: a picture in a wrong place bends the cameras of all.
-    result_.model = WithoutFrames(best_->models.front(), dropped);
-    Adjust();
-  }
+  if (names.empty()) return;
+  // From the beginning: a picture in a wrong place bends the cameras of all.
+  result_.model = WithoutFrames(best_->models.front(), names);
+  Adjust();
 }
 
 PairAgreement Session::Agreement() const {
