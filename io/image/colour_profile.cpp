@@ -47,10 +47,10 @@ bool ConvertToSrgb(std::string_view icc, Image* image) {
                             srgb.get(),
                             format,
                             INTENT_RELATIVE_COLORIMETRIC,
-                            cmsFLAGS_COPY_ALPHA),
+                            0),
       cmsDeleteTransform);
   if (!transform) return false;
-  for (int y = 0; y < image->height; ++y) {
+  for (int y = 0; y < image->height; ++y) {  // in place, which leaves alpha
     std::uint8_t* row = image->Pixel(0, y);
     cmsDoTransform(transform.get(), row, row, static_cast<cmsUInt32Number>(image->width));
   }
