@@ -13,6 +13,7 @@ MASTER_ADDR=$(scontrol show hostnames "$SLURM_JOB_NODELIST" | head -n 1)
 export MASTER_ADDR
 export MASTER_PORT=$((20000 + SLURM_JOB_ID % 10000))  # two jobs on one node do not meet
 export WORLD_SIZE=$SLURM_NTASKS
+cpus=${SLURM_CPUS_PER_TASK:-1}  # told to the program as well: not every cluster binds tasks to their processors
 # shellcheck disable=SC2016  # each task has a rank of its own
-exec srun --kill-on-bad-exit=1 --cpus-per-task="${SLURM_CPUS_PER_TASK:-1}" \
-  bash -c 'RANK=$SLURM_PROCID exec pipeline run "$@"' pipeline "$@"
+exec srun --kill-on-bad-exit=1 --cpus-per-task="$cpus" \
+  bash -c 'RANK=$SLURM_PROCID exec pipeline run "$@"' pipeline --threads "$cpus" "$@"

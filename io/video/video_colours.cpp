@@ -2,15 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
-
-#include "io/process/process.h"
 
 namespace io {
 namespace {
 
-constexpr double kProbeTimeoutS = 20;         // reading a header takes less than a second
 constexpr int kLargestBt601 = 576;            // [px] shorter side of television before HD
 constexpr double kPeak = 1000, kWhite = 203;  // [cd/m^2]
 constexpr double kSystemGamma = 1.2;          // of HLG on a display of kPeak
@@ -127,34 +123,6 @@ const Luma& LumaOf(const std::string& matrix, int shorter_side) {
 }
 
 }  // namespace
-
-VideoColours ReadVideoColours(const std::filesystem::path& path) {
-  const auto ffprobe = FindProgram("ffprobe");
-  if (!ffprobe) return {};
-  // The demuxers and the protocol that the reader allows; "file:" keeps a colon in the name from being one.
-  const std::string text = OutputOf({ffprobe->string(),
-                                     "-v",
-                                     "quiet",
-                                     "-protocol_whitelist",
-                                     "file",
-                                     "-format_whitelist",
-                                     "mov,matroska,avi",
-                                     "-select_streams",
-                                     "v:0",
-                                     "-show_entries",
-                                     "stream=color_space,color_transfer,color_primaries",
-                                     "-of",
-                                     "json",
-                                     "file:" + std::filesystem::absolute(path).string()},
-                                    kProbeTimeoutS);
-  const nlohmann::json answer = nlohmann::json::parse(text, nullptr, false);
-  if (!answer.is_object() || !answer.contains("streams") || answer["streams"].empty()) return {};
-  const nlohmann::json& stream = answer["streams"][0];
-  const auto value = [&](const char* key) {
-    return stream.contains(key) && stream[key].is_string() ? stream[key].get<std::string>() : "";
-  };
-  return {value("color_space"), value("color_transfer"), value("color_primaries")};
-}
 
 ColourConversion::ColourConversion(const VideoColours& colours, int shorter_side) {
   const Luma& luma = LumaOf(colours.matrix, shorter_side);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -14,9 +13,6 @@ namespace io {
 struct VideoColours {
   std::string matrix, transfer, primaries;
 };
-
-// What the video's stream says; nothing where ffprobe is missing or does not answer.
-VideoColours ReadVideoColours(const std::filesystem::path& path);
 
 // To sRGB, from R'G'B' that a decoder made of Y'CbCr by the matrix of BT.601 whatever the file says, as
 // OpenCV does:

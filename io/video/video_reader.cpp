@@ -16,7 +16,7 @@
 #include "io/image/media_type.h"
 #include "io/image/photo.h"
 #include "io/video/mp4_boxes.h"
-#include "io/video/video_colours.h"
+#include "io/video/video_tags.h"
 
 namespace io {
 namespace {
@@ -40,6 +40,7 @@ struct VideoReader::State {
   int fd = -1;
   cv::VideoCapture capture;
   VideoInfo info;
+  VideoTags tags;
   std::optional<ColourConversion> colours;
   int n_read = 0;
   int orientation = 1;
@@ -95,9 +96,15 @@ VideoReader::VideoReader(const std::filesystem::path& path) : state_(std::make_u
   const std::uint32_t bits = pixel_format >> 24;
   if ((pixel_format & 0xff) == 'Y' && bits > 8 && bits <= 16)
     s.info.notes.push_back(fmt::format("{} bits per channel reduced to 8", bits));
-  s.colours.emplace(ReadVideoColours(path), std::min(s.info.width, s.info.height));
+  s.tags = ReadVideoTags(path);
+  s.colours.emplace(s.tags.colours, std::min(s.info.width, s.info.height));
   if (s.colours->IsHdr())
     s.info.notes.push_back("high dynamic range brought to that of photos, colours to sRGB");
+  if (s.tags.is_interlaced)
+    s.info.notes.push_back("interlaced: of each frame the rows of one field, so that none shows two moments");
+  if (s.tags.pixel_aspect != 1)
+    s.info.notes.push_back(
+        fmt::format("pixels {:.3g} times as wide as high made square", s.tags.pixel_aspect));
 }
 
 VideoReader::~VideoReader() = default;
@@ -123,10 +130,16 @@ bool VideoReader::ReadAsDecoded(int max_side, VideoFrame* frame) {
   if (!s.capture.retrieve(bgr) || bgr.type() != CV_8UC3) return false;
   frame->index = s.n_read - 1;
   frame->time_s = s.capture.get(cv::CAP_PROP_POS_MSEC) / 1000.0;
-  int width = bgr.cols, height = bgr.rows;
+  int width = cvRound(bgr.cols * s.tags.pixel_aspect), height = bgr.rows;
   FitWithin(max_side, &width, &height);
+  // Every other row, which is one field.
+  if (s.tags.is_interlaced && bgr.rows > 1)
+    bgr = cv::Mat(bgr.rows / 2, bgr.cols, bgr.type(), bgr.data, 2 * bgr.step).clone();
   cv::Mat small = bgr;
-  if (width != bgr.cols) cv::resize(bgr, small, {width, height}, 0, 0, cv::INTER_AREA);
+  if (bgr.size() != cv::Size(width, height)) {
+    const bool shrinks = width <= bgr.cols && height <= bgr.rows;
+    cv::resize(bgr, small, {width, height}, 0, 0, shrinks ? cv::INTER_AREA : cv::INTER_CUBIC);
+  }
   frame->image = MakeImage(width, height, 3);
   cv::Mat target(height, width, CV_8UC3, frame->image.data.data());
   cv::cvtColor(small, target, cv::COLOR_BGR2RGB);

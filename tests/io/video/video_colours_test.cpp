@@ -7,6 +7,7 @@
 
 #include "io/process/process.h"
 #include "io/video/video_reader.h"
+#include "io/video/video_tags.h"
 #include "tests/support/files/temp_dir.h"
 #include "tests/support/programs/require_program.h"
 
@@ -162,7 +163,7 @@ TEST(VideoColours, FramesHaveTheColoursThatTheFileMeans) {
   ASSERT_EQ(notes.size(), 2u);
   EXPECT_NE(notes[1].find("high dynamic range"), std::string::npos) << notes[1];
   // What nobody can probe says nothing.
-  const io::VideoColours none = io::ReadVideoColours(dir / "absent.mp4");
+  const io::VideoColours none = io::ReadVideoTags(dir / "absent.mp4").colours;
   EXPECT_EQ(none.matrix + none.transfer + none.primaries, "");
 }
 

@@ -207,6 +207,49 @@ TEST_F(VideoReader, TenBitsAreReducedAndSaid) {
   EXPECT_NEAR(frame.image.Pixel(80, 60)[2], 0x20, 4);
 }
 
+TEST_F(VideoReader, OfInterlacedFramesOneFieldIsShown) {
+  REQUIRE_PROGRAM("ffmpeg");
+  // Dark and bright fields by turns: rows of a frame are from both.
+  io::VideoReader reader(
+      MakeWithFfmpeg(folder_ / "camcorder.mp4",
+                     {"-i",
+                      "color=size=160x120:rate=50,format=yuv420p,geq=lum='if(mod(N,2),235,16)':cb=128:cr=128,"
+                      "tinterlace=interleave_top,setfield=tff",
+                      "-frames:v",
+                      "3",
+                      "-c:v",
+                      "libx264",
+                      "-flags",
+                      "+ilme+ildct",
+                      "-qp",
+                      "0"}));
+  ASSERT_EQ(reader.info().notes.size(), 1u);
+  EXPECT_NE(reader.info().notes[0].find("interlaced"), std::string::npos);
+  for (const int side : {160, 80}) {
+    io::VideoFrame frame;
+    ASSERT_TRUE(reader.Read(side, &frame));
+    ASSERT_EQ(frame.image.width, side);
+    ASSERT_EQ(frame.image.height, side * 3 / 4);
+    for (int y = 0; y < frame.image.height; ++y) EXPECT_LE(frame.image.Pixel(side / 2, y)[1], 2) << y;
+  }
+}
+
+TEST_F(VideoReader, PixelsBecomeSquare) {
+  REQUIRE_PROGRAM("ffmpeg");
+  io::VideoReader reader(
+      MakeWithFfmpeg(folder_ / "hdv.mkv",
+                     {"-i", "testsrc=size=144x108", "-frames:v", "2", "-c:v", "ffv1", "-vf", "setsar=4/3"}));
+  ASSERT_EQ(reader.info().notes.size(), 1u);
+  EXPECT_NE(reader.info().notes[0].find("1.33 times as wide as high"), std::string::npos);
+  io::VideoFrame frame;
+  ASSERT_TRUE(reader.Read(10000, &frame));
+  EXPECT_EQ(frame.image.width, 192);
+  EXPECT_EQ(frame.image.height, 108);
+  ASSERT_TRUE(reader.Read(96, &frame));
+  EXPECT_EQ(frame.image.width, 96);
+  EXPECT_EQ(frame.image.height, 54);
+}
+
 TEST_F(VideoReader, CameraMotionMeasuresThePathInWidths) {
   io::VideoReader reader(Write("a.avi", "MJPG"));
   io::CameraMotion motion;
