@@ -30,6 +30,8 @@ constexpr int kLogLines = 8;
 // moment.
 constexpr const char* kLocked = "database is locked";
 constexpr int kMostOpenings = 50;
+// How point_triangulator aborts when no match makes a point.
+constexpr const char* kNoPoints = "Check failed: bundle_adjuster.Solve";
 
 std::string Joined(const std::vector<std::string>& lines) {
   std::string text;
@@ -79,6 +81,8 @@ bool Colmap::Run(const Step& step) {
   std::vector<std::string> argv = {"/usr/bin/env", "OMP_NUM_THREADS=1", program_.string(), step.command};
   argv.insert(argv.end(), step.arguments.begin(), step.arguments.end());
   io::ProcessReport report;
+  std::string log;  // of this call
+  const auto says = [&](const char* words) { return log.find(words) != std::string::npos; };
   bool locked = true;
   for (int i = 0; locked && i < kMostOpenings; ++i) {
     std::error_code no_log;
@@ -95,12 +99,14 @@ bool Colmap::Run(const Step& step) {
       peak_rss_bytes_ = std::max(peak_rss_bytes_, report.peak_rss_bytes);
     }
     if (report.Ok()) return true;
-    locked = io::ReadFile(step.log).find(kLocked, begin) != std::string::npos;
+    log = io::ReadFile(step.log);
+    log.erase(0, begin);
+    locked = says(kLocked);
   }
   const std::string tail = io::LogTail(step.log, kLogLines);
   // Wrong options end with the same code as an empty result.
-  const bool nothing = report.timed_out || (report.signal == 0 && report.exit_code == 1 && !locked &&
-                                            tail.find("parse options") == std::string::npos);
+  const bool nothing = report.timed_out || (report.signal == SIGABRT && says(kNoPoints)) ||
+                       (report.signal == 0 && report.exit_code == 1 && !locked && !says("parse options"));
   if (step.may_find_nothing && nothing) return false;
   const bool out_of_memory =
       !report.timed_out && (report.signal == SIGKILL || tail.find("bad_alloc") != std::string::npos);
@@ -132,8 +138,7 @@ std::vector<Features> Colmap::ExtractFeatures(const fs::path& images_folder,
   const fs::path list_path = work_folder_ / "image_list.txt", database = work_folder_ / "features.db";
   for (const CameraGroup& group : groups) {
     io::WriteFileAtomically(list_path, Joined(group.names));
-    LogProgress progress(
-        log_path_, "sfm: features", "Processed file [", done, static_cast<int>(names.size()));
+    LogProgress progress(log_path_, "features", "Processed file [", done, static_cast<int>(names.size()));
     const int longer = std::max(group.width, group.height);
     const int size = options.max_image_size > 0 ? std::min(longer, options.max_image_size) : longer;
     Run({.command = "feature_extractor",

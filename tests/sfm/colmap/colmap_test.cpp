@@ -81,6 +81,15 @@ TEST_F(ColmapDriver, NoModelIsAnAnswer) {
   EXPECT_TRUE(colmap.Map("", 5).empty());
 }
 
+TEST_F(ColmapDriver, NoPointsAreAnAnswerAndOtherAbortsAreNot) {
+  Install("echo 'sfm.cc:473] Check failed: bundle_adjuster.Solve(&reconstruction)'; kill -ABRT $$");
+  sfm::Colmap colmap = Make();
+  EXPECT_FALSE(colmap.Triangulate("", folder_, 5));
+  Install("echo 'Check failed: something else'; kill -ABRT $$");
+  EXPECT_NE(ErrorOf([&] { colmap.Triangulate("", folder_, 5); }, io::ExitCode::kMissingTool).find("signal 6"),
+            std::string::npos);
+}
+
 // Of blocks that are mapped side by side one would be missing.
 TEST_F(ColmapDriver, ADatabaseThatAnotherProcessIsOpeningIsOpenedAgain) {
   const fs::path tries = folder_ / "tries";
