@@ -72,6 +72,7 @@ constexpr Forward kForwards[] = {
     {"frames", "ingest", "frames"},
     {"max-size", "ingest", "max-size"},
     {"find-overlay", "ingest", "find-overlay"},
+    {"find-fisheye", "ingest", "find-fisheye"},
     {"features", "sfm", "features"},
     {"image-size", "normalize", "image-size"},
     {"holdout", "normalize", "holdout"},

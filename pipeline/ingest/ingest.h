@@ -22,6 +22,7 @@ struct IngestOptions {
   int first_frame = 0;       // of a video
   int last_frame = -1;       // inclusive; -1: to the end
   bool find_overlay = true;  // leave out what lies over every picture (overlay.h)
+  bool find_fisheye = true;  // straighten what a strongly curved lens shows (lens_straightening.h)
   int threads = 1;
   io::MemoryBudget memory = io::MemoryBudget();  // fewer photos are decoded at once where it is short
   SelectionOptions selection;

@@ -56,6 +56,9 @@ void AddIngestOptions(Options* options, IngestFlags* flags) {
   options->Add("find-overlay",
                &flags->ingest.find_overlay,
                "cut off black bars, and mask out what lies over every picture: a date, a logo, a bonnet");
+  options->Add("find-fisheye",
+               &flags->ingest.find_fisheye,
+               "straighten the pictures of a fisheye lens or an action camera");
 }
 
 IngestOptions ResolvedIngestOptions(const IngestFlags& flags) {

@@ -14,7 +14,9 @@
 #include "io/process/parallel.h"
 #include "io/process/progress.h"
 #include "pipeline/ingest/ingest.h"
+#include "pipeline/ingest/lens_straightening.h"
 #include "pipeline/ingest/overlay_removal.h"
+#include "pipeline/ingest/panorama.h"
 #include "pipeline/ingest/photo_masks.h"
 
 namespace pipeline {
@@ -57,6 +59,10 @@ void IngestPhoto(const fs::path& file,
     result->reason = error.what();
     result->is_bad = true;
     return;
+  }
+  if (IsPanorama(photo.image)) {
+    result->picture.is_panorama = true;
+    if (photo.full_width > photo.image.width) photo = io::DecodePhoto(bytes, PanoramaWidth(max_side));
   }
   if (!mask_file.empty()) {
     const io::Mask mask = ReadPhotoMask(mask_file, photo);
@@ -289,6 +295,8 @@ IngestReport IngestPhotos(const PictureSource& source,
   RefuseTooFew(report.frames, name);
   if (!options.masks.empty()) DescribeMasks(results, &report);
   if (options.find_overlay) overlay.Apply(folder, options.threads, &report);
+  if (options.find_fisheye) StraightenLenses(folder, options, &report);
+  UnrollPanoramas(folder, options, &report);
   DescribeResult(&report);
   return report;
 }

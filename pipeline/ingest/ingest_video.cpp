@@ -11,8 +11,10 @@
 #include "io/video/camera_motion.h"
 #include "io/video/video_reader.h"
 #include "pipeline/ingest/ingest.h"
+#include "pipeline/ingest/lens_straightening.h"
 #include "pipeline/ingest/overlay.h"
 #include "pipeline/ingest/overlay_removal.h"
+#include "pipeline/ingest/panorama.h"
 
 namespace pipeline {
 namespace {
@@ -30,6 +32,9 @@ constexpr double kCompleteShare =
     0.98;  // of the frames that the container promises, which may be an estimate
 // Of a frame, for the decoder's reference frames, those of its threads, and conversions.
 constexpr std::size_t kBytesPerPixel = 60;
+constexpr double kPanoramaShare = 0.8;  // of the frames; single ones may be black, or a title
+// Views of a panorama overlap: a third as many panoramas make twice as many pictures.
+constexpr int kFramesPerPanorama = 3;
 constexpr std::size_t kMinFrames = 3;  // two views fix no scene and leave none to check with
 
 struct VideoMeasure {
@@ -37,6 +42,7 @@ struct VideoMeasure {
   double brightest = 0;                         // mean grey level of the brightest frame
   int n_decoded = 0;                            // frames before and in the range
   bool reached_end = false;
+  bool shows_panoramas = false;
 };
 
 io::Image SmallFrame(const io::Image& frame) {
@@ -78,6 +84,9 @@ VideoMeasure Measure(io::VideoReader* reader, const IngestOptions& options) {
     measure.time_s.push_back(frame.time_s);
     measure.brightest = std::max(measure.brightest, io::Brightness(io::MakeThumbnail(frame.image)));
   }
+  const auto n_panoramas = std::count_if(sampled.begin(), sampled.end(), IsPanorama);
+  measure.shows_panoramas =
+      static_cast<double>(n_panoramas) > kPanoramaShare * static_cast<double>(sampled.size());
   // Frames are chosen by how far the picture moves, in widths of what it shows.
   if (options.find_overlay) {
     const double share = ContentShare(sampled, options.threads);
@@ -114,6 +123,7 @@ void WriteKeptFrames(const fs::path& video,
                      const fs::path& folder,
                      Frames* frames,
                      OverlayRemoval* overlay) {
+  const int max_side = measure.shows_panoramas ? PanoramaWidth(options.max_side) : options.max_side;
   io::VideoReader reader(video);
   io::VideoFrame frame;
   io::Progress progress("writing frames");
@@ -123,7 +133,7 @@ void WriteKeptFrames(const fs::path& video,
     progress.Update((index + 1.0) / n_frames);
     const auto i = static_cast<std::size_t>(std::max(0, index - options.first_frame));
     const bool kept = index >= options.first_frame && verdicts[i].kept;
-    if (!(kept ? reader.Read(options.max_side, &frame) : reader.Skip())) {
+    if (!(kept ? reader.Read(max_side, &frame) : reader.Skip())) {
       throw Error(
           ExitCode::kBadInput,
           fmt::format(
@@ -141,6 +151,7 @@ void WriteKeptFrames(const fs::path& video,
     picture.source = source;
     picture.width = frame.image.width;
     picture.height = frame.image.height;
+    picture.is_panorama = measure.shows_panoramas;
     picture.sharpness = measure.sharpness[i];
     picture.time_s = measure.time_s[i];
     frames->kept.push_back(picture);
@@ -169,12 +180,17 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
     name += " (" + incomplete + ")";
   }
   RefuseUnusable(measure, options, name);
+  SelectionOptions selection = options.selection;
+  if (measure.shows_panoramas)
+    selection.max_frames = std::max(static_cast<int>(kMinFrames), selection.max_frames / kFramesPerPanorama);
   const std::vector<FrameVerdict> verdicts =
-      JudgeFrames(measure.path, measure.sharpness, options.first_frame, options.selection);
+      JudgeFrames(measure.path, measure.sharpness, options.first_frame, selection);
   OverlayRemoval overlay(static_cast<std::size_t>(std::count_if(
       verdicts.begin(), verdicts.end(), [](const FrameVerdict& verdict) { return verdict.kept; })));
   WriteKeptFrames(video, options, verdicts, measure, folder, &report.frames, &overlay);
   if (options.find_overlay) overlay.Apply(folder, options.threads, &report);
+  if (options.find_fisheye) StraightenLenses(folder, options, &report);
+  UnrollPanoramas(folder, options, &report);
   report.decisions.push_back(
       fmt::format("{} of {} frames kept: the picture moved by {:.1f} of its widths, and the sharpest frame "
                   "of each equal step "

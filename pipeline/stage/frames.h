@@ -15,6 +15,7 @@ struct KeptPicture {
   double sharpness = 0;            // io::Sharpness
   std::optional<double> focal_px;  // from EXIF, for width x height
   bool has_mask = false;
+  bool is_panorama = false;      // during ingest: its views will replace it (pipeline/ingest/panorama.h)
   int camera_group = 0;          // pictures with equal numbers come from one camera and setting
   std::optional<double> time_s;  // in the video
   std::vector<std::string> notes;

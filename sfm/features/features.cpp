@@ -121,7 +121,7 @@ int DetectionThreads(const fs::path& images_folder,
   return options.memory.AtOnce(options.threads,
                                largest,
                                kept + kept / 2,
-                               fmt::format("sfm: detecting features in {} pictures", names.size()));
+                               fmt::format("detecting features in {} pictures", names.size()));
 }
 
 }  // namespace
@@ -140,7 +140,7 @@ std::vector<Features> DetectFeatures(const fs::path& images_folder,
                                      const FeatureOptions& options) {
   cv::setNumThreads(1);  // whole pictures are spread over the threads instead
   std::vector<Features> features(names.size());
-  io::Progress progress("sfm: features");
+  io::Progress progress("features");
   std::size_t done = 0;
   std::mutex mutex;
   io::ParallelFor(names.size(), DetectionThreads(images_folder, names, options), [&](std::size_t i) {

@@ -73,7 +73,7 @@ std::vector<PairMatches> MatchFeatures(const std::vector<Features>& features,
       of_blocks[{a / kBlock, b / kBlock}].push_back(&matches[i++]);
     }
   }
-  io::Progress progress("sfm: matching");
+  io::Progress progress("matching");
   std::size_t done = 0;
   std::mutex mutex;
   std::vector<kernels::Prepared> first, second;

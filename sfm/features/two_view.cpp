@@ -89,7 +89,7 @@ std::vector<TwoViewGeometry> EstimateTwoViewGeometries(const std::vector<Feature
                                                        int threads) {
   std::vector<TwoViewGeometry> geometries(pairs.size());
   std::mutex mutex;
-  io::Progress progress("sfm: verifying");  // guarded by it, as `done` is
+  io::Progress progress("verifying");  // guarded by it, as `done` is
   std::size_t done = 0;
   io::ParallelFor(pairs.size(), threads, [&](std::size_t i) {
     const auto a = static_cast<std::size_t>(pairs[i].a), b = static_cast<std::size_t>(pairs[i].b);

@@ -3,15 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 #include <set>
 
-#include "io/base/check.h"
 #include "io/base/error.h"
 #include "io/base/packed.h"
 #include "io/image/image.h"
 #include "io/image/mask.h"
+#include "io/image/resample.h"
 #include "io/process/parallel.h"
 
 namespace sfm {
@@ -22,70 +20,31 @@ namespace fs = std::filesystem;
 // Between two samples of the border a smooth distortion deviates from a line by far less than a pixel.
 constexpr int kBorderSamples = 200;
 
-// Where each pixel centre of the pinhole camera comes from, in OpenCV's coordinates (pixel centres at
-// integers).
+// Where each pixel of the pinhole camera comes from in the pictures of `camera`.
 struct PixelMap {
   io::Camera camera;
-  cv::Mat x, y;
+  io::PixelSources sources;
 };
 
 PixelMap MapToPinhole(const io::Camera& camera) {
   const io::Camera pinhole = PinholeCamera(camera);
-  PixelMap map{
-      camera, cv::Mat(pinhole.height, pinhole.width, CV_32F), cv::Mat(pinhole.height, pinhole.width, CV_32F)};
-  for (int row = 0; row < pinhole.height; ++row) {
-    for (int column = 0; column < pinhole.width; ++column) {
+  PixelMap map{camera, io::PixelSources(pinhole.width, pinhole.height)};
+  for (int row = 0, i = 0; row < pinhole.height; ++row) {
+    for (int column = 0; column < pinhole.width; ++column, ++i) {
       const auto ray = io::RayFromImg(pinhole, {column + 0.5, row + 0.5});
       const auto source = io::ImgFromCam(camera, *ray);
-      map.x.at<float>(row, column) = static_cast<float>(source->x() - 0.5);
-      map.y.at<float>(row, column) = static_cast<float>(source->y() - 0.5);
+      map.sources.x[static_cast<std::size_t>(i)] = static_cast<float>(source->x());
+      map.sources.y[static_cast<std::size_t>(i)] = static_cast<float>(source->y());
     }
   }
   return map;
 }
 
 // One map per thread: a scene may have a camera per picture, and neighbours usually share theirs.
-const PixelMap& CachedMapToPinhole(const io::Camera& camera) {
+const io::PixelSources& CachedSources(const io::Camera& camera) {
   thread_local PixelMap map;
   if (map.camera != camera) map = MapToPinhole(camera);
-  return map;
-}
-
-// Colours of transparent pixels mean nothing, so RGBA is resampled premultiplied and returned straight.
-void ScaleColourByAlpha(cv::Mat* rgba, bool premultiply) {
-  rgba->forEach<cv::Vec4f>([premultiply](cv::Vec4f& p, const int*) {
-    const float alpha = p[3] / 255.f;
-    const float factor = premultiply ? alpha : alpha > 0 ? 1 / alpha : 0.f;
-    for (int c = 0; c < 3; ++c) p[c] *= factor;
-  });
-}
-
-io::Image Resample(const io::Image& image, const PixelMap& map) {
-  const int type = CV_8UC(image.channels);
-  const cv::Mat source(image.height, image.width, type, const_cast<std::uint8_t*>(image.data.data()));
-  io::Image result = io::MakeImage(map.x.cols, map.x.rows, image.channels);
-  cv::Mat target(result.height, result.width, type, result.data.data());
-  if (image.channels == 3) {
-    cv::remap(source, target, map.x, map.y, cv::INTER_LANCZOS4, cv::BORDER_REPLICATE);
-  } else {
-    cv::Mat premultiplied, resampled;
-    source.convertTo(premultiplied, CV_32F);
-    ScaleColourByAlpha(&premultiplied, true);
-    cv::remap(premultiplied, resampled, map.x, map.y, cv::INTER_LANCZOS4, cv::BORDER_REPLICATE);
-    ScaleColourByAlpha(&resampled, false);
-    resampled.convertTo(target, CV_8U);
-  }
-  PIPELINE_CHECK(target.data == result.data.data());
-  return result;
-}
-
-io::Mask Resample(const io::Mask& mask, const PixelMap& map) {
-  const cv::Mat source(mask.height, mask.width, CV_8U, const_cast<std::uint8_t*>(mask.used.data()));
-  io::Mask result{map.x.cols, map.x.rows, std::vector<std::uint8_t>(map.x.total())};
-  cv::Mat target(result.height, result.width, CV_8U, result.used.data());
-  cv::remap(source, target, map.x, map.y, cv::INTER_NEAREST, cv::BORDER_CONSTANT, 0);
-  PIPELINE_CHECK(target.data == result.used.data());
-  return result;
+  return map.sources;
 }
 
 // Names inside the target folder, one per frame, without repetition.
@@ -122,7 +81,7 @@ void WriteImageOf(const io::Camera& camera, const fs::path& source, const fs::pa
                     "Use the pictures that the poses were made from");
   }
   if (camera.HasDistortion()) {
-    io::WriteImage(target, Resample(image, CachedMapToPinhole(camera)));
+    io::WriteImage(target, io::Resample(image, CachedSources(camera)));
   } else {
     fs::copy_file(source, target, fs::copy_options::overwrite_existing);
   }
@@ -130,7 +89,7 @@ void WriteImageOf(const io::Camera& camera, const fs::path& source, const fs::pa
 
 void WriteMaskOf(const io::Camera& camera, const fs::path& source, const fs::path& target) {
   const io::Mask mask = io::ReadMask(source, camera.width, camera.height);
-  io::WriteMask(target, camera.HasDistortion() ? Resample(mask, CachedMapToPinhole(camera)) : mask);
+  io::WriteMask(target, camera.HasDistortion() ? io::Resample(mask, CachedSources(camera)) : mask);
 }
 
 io::TaskResults WriteSome(const std::vector<FrameFiles>& frames,
