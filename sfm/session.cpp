@@ -18,6 +18,7 @@
 #include "sfm/gaps.h"
 #include "sfm/mapping/diagnosis.h"
 #include "sfm/mapping/leaps.h"
+#include "sfm/rigs.h"
 #include "sfm/second_look.h"
 
 namespace sfm {
@@ -137,7 +138,13 @@ bool Session::InBlocks() const {
   return options_.mapping == "blocks";
 }
 
-bool Session::Registered(double share) const { return best_->Registered() >= share * n(); }
+bool Session::Registered(double share) const {
+  std::set<std::string> posed;
+  if (!best_->models.empty()) {
+    for (const io::Frame& frame : best_->models.front().scene.frames) posed.insert(frame.image_path.string());
+  }
+  return PosedWithRigs(pictures_, posed) >= share * n();
+}
 
 Reconstruction Session::Finish() {
   if (!Registered(kMinRegisteredShare)) {
@@ -148,6 +155,15 @@ Reconstruction Session::Finish() {
   Adjust();
   RefuseUnusable();
   DropUncertainPictures();
+  const RigReport rigs = JoinRigs(pictures_, "sfm: panoramas", &result_.model, &result_.uncertainty);
+  if (rigs.n_rigs > 0) {
+    decide_(fmt::format(
+        "{} panoramas moved as wholes: {} views are posed by others of their panorama, and the rest "
+        "turned by {:.2f} degrees (median)",
+        rigs.n_rigs,
+        rigs.n_added,
+        rigs.rotation_deg));
+  }
   const int n_left = static_cast<int>(result_.model.scene.frames.size());
   if (n_left < kMinRegisteredShare * n()) throw NotReconstructible(ExplainFailure(best_->evidence, n_left));
   std::vector<std::size_t> sizes;

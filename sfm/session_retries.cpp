@@ -164,7 +164,7 @@ std::shared_ptr<const CapturedViews> Session::WithMoreFeatures(const CapturedVie
 }
 
 void Session::LookAgain() {
-  if (best_->Registered() == n() || !Registered(kMinRegisteredShare)) return;
+  if (Registered(1) || !Registered(kMinRegisteredShare)) return;
   const int features =
       options_.detector == "opencv" ? std::max(best_max_features_, kRetryFeatures) : best_max_features_;
   const std::size_t all = pictures_.size() * (pictures_.size() - 1) / 2;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "io/base/check.h"
+#include "io/scene/places.h"
 #include "nerf/paths/path_shapes.h"
 
 namespace nerf {
@@ -51,10 +52,22 @@ bool StandTogether(const io::Scene& scene, const CaptureGeometry& capture) {
   return across > along;
 }
 
+// Views of a panorama look to all sides: the first of each place is kept.
+io::Scene OneViewPerPlace(const io::Scene& scene) {
+  const std::vector<std::size_t> first = io::FirstAtPlace(scene.frames);
+  io::Scene kept = scene;
+  kept.frames.clear();
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    if (first[i] == i) kept.frames.push_back(scene.frames[i]);
+  }
+  return kept;
+}
+
 }  // namespace
 
-CameraPath FitCameraPath(const io::Scene& scene, int frames) {
+CameraPath FitCameraPath(const io::Scene& all, int frames) {
   PIPELINE_CHECK(frames >= 2);
+  const io::Scene scene = OneViewPerPlace(all);
   CameraPath path;
   path.capture = MeasureCapture(scene);
   const std::vector<io::Rigid3d> cameras = PosesOf(scene);

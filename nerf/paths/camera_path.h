@@ -8,6 +8,7 @@
 //   walk    All else, such as a room or a street, and cameras that go where they look: along
 //           the cameras, in the order of the capture.
 //
+// Of the views of a panorama the first is followed.
 // Every kind averages the places of neighbouring cameras, hence stays inside their hull, and looks where they
 // looked. free_path.h then compares the path with the trained field, and even_path.h times it.
 #pragma once

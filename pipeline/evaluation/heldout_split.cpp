@@ -5,6 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "io/scene/places.h"
+
 namespace pipeline {
 namespace {
 
@@ -28,13 +30,24 @@ std::vector<double> DifferencesFrom(const std::vector<io::Frame>& frames, std::s
   return differences;
 }
 
+// Counts places, so that views of one panorama have the same number; or frames, where there are few places.
+std::vector<std::size_t> PlaceNumbers(const std::vector<io::Frame>& frames, std::size_t fewest) {
+  const std::vector<std::size_t> first = io::FirstAtPlace(frames);
+  std::vector<std::size_t> numbers(frames.size());
+  std::size_t n_places = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) numbers[i] = first[i] == i ? n_places++ : numbers[first[i]];
+  if (n_places < fewest) std::iota(numbers.begin(), numbers.end(), std::size_t{0});
+  return numbers;
+}
+
 }  // namespace
 
 std::vector<bool> HeldOutFrames(const std::vector<io::Frame>& frames, const std::string& holdout, int every) {
   const std::size_t n = frames.size(), step = static_cast<std::size_t>(every);
   std::vector<bool> is_held_out(n, false);
   if (holdout == "every") {
-    for (std::size_t i = 0; i < n; i += step) is_held_out[i] = true;
+    const std::vector<std::size_t> places = PlaceNumbers(frames, step);
+    for (std::size_t i = 0; i < n; ++i) is_held_out[i] = places[i] % step == 0;
     return is_held_out;
   }
   if (n == 0) return is_held_out;

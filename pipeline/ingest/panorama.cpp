@@ -74,6 +74,8 @@ std::vector<KeptPicture> Unroll(const PanoramaViews& views,
     view.name = fmt::format("view{}_{}", i + 1, panorama.name);
     while (fs::exists(folder / "images" / view.name)) view.name.insert(0, "_");
     view.source = fmt::format("{}, view {}", panorama.source, i + 1);
+    view.panorama = panorama.name;
+    view.heading_deg = 360.0 * i / PanoramaViews::kCount;
     view.width = views.width();
     view.height = views.height();
     view.focal_px = views.focal_px();
@@ -136,8 +138,9 @@ PanoramaViews::PanoramaViews(int panorama_width, int panorama_height, int max_si
 }
 
 io::Image PanoramaViews::Of(const io::Image& panorama, int i) const {
-  return io::Resample(Turned(panorama, panorama_width_ * i / kCount - half_columns_, 2 * half_columns_),
-                      sources_);
+  return io::Resample(
+      Turned(panorama, panorama_width_ / 2 + panorama_width_ * i / kCount - half_columns_, 2 * half_columns_),
+      sources_);
 }
 
 io::Mask PanoramaViews::Of(const io::Mask& mask, int i) const {

@@ -19,8 +19,9 @@ bool IsPanorama(const io::Image& picture);
 // The width of a panorama whose views have a longer side of max_side.
 int PanoramaWidth(int max_side);
 
-// Six views around the horizon, 80 degrees wide and 100 high: neighbours overlap by a quarter. What lies
-// beyond, the sky above and whoever holds the camera below, is left out.
+// Six views around the horizon, from the panorama's middle, where the camera's front is, to the right; 80
+// degrees wide and 100 high, neighbours overlap by a quarter. What lies beyond, the sky above and whoever
+// holds the camera below, is left out.
 class PanoramaViews {
  public:
   static constexpr int kCount = 6;

@@ -46,6 +46,10 @@ KeptPicture ReadKept(const JsonReader& json) {
   picture.sharpness = json.At("sharpness").Number(0, kMaxNumber);
   picture.focal_px = OptionalNumber(json, "focal_px", 0);
   picture.has_mask = json.Has("mask") && json.At("mask").Bool();
+  if (json.Has("panorama")) {
+    picture.panorama = json.At("panorama").String();
+    picture.heading_deg = json.At("heading_deg").Number(0, 360);
+  }
   picture.camera_group = json.At("camera_group").Integer(0, std::numeric_limits<int>::max());
   picture.time_s = OptionalNumber(json, "time_s", -kMaxNumber);
   const JsonReader notes = json.At("notes");
@@ -82,6 +86,10 @@ void WriteFrames(const fs::path& path, const Frames& frames) {
                   {"notes", picture.notes}};
     if (picture.focal_px) entry["focal_px"] = *picture.focal_px;
     if (picture.has_mask) entry["mask"] = true;
+    if (!picture.panorama.empty()) {
+      entry["panorama"] = picture.panorama;
+      entry["heading_deg"] = picture.heading_deg;
+    }
     if (picture.time_s) entry["time_s"] = *picture.time_s;
     json["kept"].push_back(entry);
   }

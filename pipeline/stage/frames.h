@@ -16,6 +16,8 @@ struct KeptPicture {
   std::optional<double> focal_px;  // from EXIF, for width x height
   bool has_mask = false;
   bool is_panorama = false;      // during ingest: its views will replace it (pipeline/ingest/panorama.h)
+  std::string panorama;          // whose view it is; empty: of none
+  double heading_deg = 0;        // of such a view, to the right of the panorama's middle
   int camera_group = 0;          // pictures with equal numbers come from one camera and setting
   std::optional<double> time_s;  // in the video
   std::vector<std::string> notes;

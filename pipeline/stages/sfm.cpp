@@ -48,7 +48,9 @@ std::vector<sfm::Picture> ReadPictures(const fs::path& ingest) {
                         .height = kept.height,
                         .focal_px = kept.focal_px.value_or(0),
                         .camera_group = std::to_string(kept.camera_group),
-                        .is_video_frame = kept.time_s.has_value()});
+                        .is_video_frame = kept.time_s.has_value(),
+                        .rig = kept.panorama,
+                        .heading_deg = kept.heading_deg});
   }
   return pictures;
 }

@@ -70,12 +70,15 @@ class Watch : public ceres::IterationCallback {
 
 class Solver {
  public:
-  Solver(const io::ColmapModel& model, const std::vector<FreeIntrinsics>& free)
+  Solver(const io::ColmapModel& model,
+         const std::vector<FreeIntrinsics>& free,
+         const std::vector<std::size_t>& moves_with)
       : model_(model),
         state_(ToBundleState(model.scene)),
         loss_(kRobustScalePx),
         problem_(ceres::Problem::Options{.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP}),
-        lens_owners_(LensOwners(free)) {
+        lens_owners_(LensOwners(free)),
+        moves_with_(moves_with.empty() ? MovingAlone(model.scene.frames.size()) : moves_with) {
     AddObservations();
     FixGauge();
     HoldIntrinsics(free);
@@ -113,6 +116,11 @@ class Solver {
       state_.intrinsics[i].tail<kLensIntrinsics>() =
           state_.intrinsics[lens_owners_[i]].tail<kLensIntrinsics>();
     }
+    for (std::size_t i = 0; i < moves_with_.size(); ++i) {
+      if (moves_with_[i] == i) continue;
+      const PoseVector& leader = state_.poses[moves_with_[i]];
+      state_.poses[i] << RotationFromLeader(state_, moves_with_[i], i) * leader.head<3>(), leader.tail<3>();
+    }
     if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) {
       throw io::Error(io::ExitCode::kNumeric,
                       "bundle adjustment failed: " + summary.message,
@@ -129,13 +137,15 @@ class Solver {
     for (const io::Observation& observation : model_.observations) {
       const auto frame = static_cast<std::size_t>(observation.frame_index);
       const auto camera = static_cast<std::size_t>(model_.scene.frames[frame].camera_index);
-      problem_.AddResidualBlock(
-          new ReprojectionCost(observation.xy, observation.sigma, state_.reference_rotations[frame]),
-          &loss_,
-          state_.poses[frame].data(),
-          state_.points[static_cast<std::size_t>(observation.point_index)].data(),
-          state_.intrinsics[camera].data(),
-          state_.intrinsics[lens_owners_[camera]].data() + 1);
+      problem_.AddResidualBlock(new ReprojectionCost(observation.xy,
+                                                     observation.sigma,
+                                                     state_.reference_rotations[moves_with_[frame]],
+                                                     RotationFromLeader(state_, moves_with_[frame], frame)),
+                                &loss_,
+                                state_.poses[moves_with_[frame]].data(),
+                                state_.points[static_cast<std::size_t>(observation.point_index)].data(),
+                                state_.intrinsics[camera].data(),
+                                state_.intrinsics[lens_owners_[camera]].data() + 1);
     }
   }
 
@@ -202,14 +212,14 @@ class Solver {
   BundleState state_;
   ceres::CauchyLoss loss_;
   ceres::Problem problem_;
-  std::vector<std::size_t> lens_owners_;
+  std::vector<std::size_t> lens_owners_, moves_with_;
 };
 
 }  // namespace
 
 AdjustmentReport AdjustBundle(io::ColmapModel* model, const AdjustmentOptions& options) {
   CheckObservations(*model);
-  Solver solver(*model, options.free);
+  Solver solver(*model, options.free, options.moves_with);
   const AdjustmentReport report = solver.Solve(options);
   UpdateScene(solver.state(), &model->scene);
   return report;

@@ -14,6 +14,9 @@ namespace sfm {
 
 struct AdjustmentOptions {
   std::vector<FreeIntrinsics> free;  // per camera of the scene
+  // Per frame: the frame that it moves with, from the same place and turned against it as it is now: views of
+  // one panorama. A frame that others move with names itself. Empty: each moves by itself.
+  std::vector<std::size_t> moves_with;
   int max_iterations = 50;
   // Stops when a step lowers the cost by less than this share. At 1e-6, real captures have poses within 1e-4
   // degrees of the minimum; what still moves are points with contradicting observations.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "io/base/error.h"
 
@@ -48,6 +49,17 @@ BundleState ToBundleState(const io::Scene& scene) {
   for (const io::Point3D& point : scene.points) state.points.push_back(state.unit_from_world * point.xyz);
   for (const io::Camera& camera : scene.cameras) state.intrinsics.push_back(ToVector(camera));
   return state;
+}
+
+std::vector<std::size_t> MovingAlone(std::size_t n_frames) {
+  std::vector<std::size_t> own(n_frames);
+  std::iota(own.begin(), own.end(), std::size_t{0});
+  return own;
+}
+
+Eigen::Matrix3d RotationFromLeader(const BundleState& state, std::size_t leader, std::size_t frame) {
+  if (leader == frame) return Eigen::Matrix3d::Identity();
+  return state.reference_rotations[frame] * state.reference_rotations[leader].transpose();
 }
 
 void UpdateScene(const BundleState& state, io::Scene* scene) {

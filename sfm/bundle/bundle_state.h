@@ -20,6 +20,13 @@ struct BundleState {
 // when all cameras stand at one place.
 BundleState ToBundleState(const io::Scene& scene);
 
+// Each frame moves by itself (AdjustmentOptions::moves_with).
+std::vector<std::size_t> MovingAlone(std::size_t n_frames);
+
+// From the axes of the frame that `frame` moves with to its own, as the reference rotations have it; exactly
+// the identity for a frame that moves by itself.
+Eigen::Matrix3d RotationFromLeader(const BundleState& state, std::size_t leader, std::size_t frame);
+
 // Writes poses, points and cameras back into the scene they came from.
 void UpdateScene(const BundleState& state, io::Scene* scene);
 

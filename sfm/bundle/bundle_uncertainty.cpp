@@ -43,8 +43,14 @@ void AddTo(std::vector<CameraBlock>* blocks, const CameraBlock& added) {
 
 class ReducedSystem {
  public:
-  ReducedSystem(const io::ColmapModel& model, const std::vector<FreeIntrinsics>& free)
-      : model_(model), free_(free), state_(ToBundleState(model.scene)), lens_owners_(LensOwners(free)) {
+  ReducedSystem(const io::ColmapModel& model,
+                const std::vector<FreeIntrinsics>& free,
+                const std::vector<std::size_t>& moves_with)
+      : model_(model),
+        free_(free),
+        state_(ToBundleState(model.scene)),
+        lens_owners_(LensOwners(free)),
+        moves_with_(moves_with) {
     AssignRows();
     matrix_ = Eigen::MatrixXd::Zero(size_, size_);
     std::vector<std::vector<const io::Observation*>> tracks(state_.points.size());
@@ -85,15 +91,16 @@ class ReducedSystem {
     focal_rows_.assign(state_.intrinsics.size(), -1);
     lens_rows_ = focal_rows_;
     for (const io::Observation& observation : model_.observations) {
-      frame_rows_[static_cast<std::size_t>(observation.frame_index)] = 0;
+      const auto frame = static_cast<std::size_t>(observation.frame_index);
+      const auto camera = static_cast<std::size_t>(model_.scene.frames[frame].camera_index);
+      frame_rows_[moves_with_[frame]] = focal_rows_[camera] = lens_rows_[lens_owners_[camera]] = 0;
     }
     for (std::size_t i = 0; i < frame_rows_.size(); ++i) {
-      if (frame_rows_[i] < 0) continue;
-      const auto camera = static_cast<std::size_t>(model_.scene.frames[i].camera_index);
-      focal_rows_[camera] = lens_rows_[lens_owners_[camera]] = 0;
+      if (moves_with_[i] != i || frame_rows_[i] < 0) continue;
       frame_rows_[i] = size_;
       size_ += 6;
     }
+    for (std::size_t i = 0; i < frame_rows_.size(); ++i) frame_rows_[i] = frame_rows_[moves_with_[i]];
     n_pose_rows_ = size_;
     for (std::size_t i = 0; i < focal_rows_.size(); ++i) {
       if (focal_rows_[i] >= 0) {
@@ -125,12 +132,16 @@ class ReducedSystem {
       Eigen::Matrix<double, 2, 3, Eigen::RowMajor> d_point;
       Eigen::Matrix<double, 2, 1> d_focal;
       Eigen::Matrix<double, 2, kLensIntrinsics, Eigen::RowMajor> d_lens;
-      const double* parameters[] = {state_.poses[frame].data(),
+      const std::size_t leader = moves_with_[frame];
+      const double* parameters[] = {state_.poses[leader].data(),
                                     state_.points[point].data(),
                                     state_.intrinsics[camera].data(),
                                     state_.intrinsics[lens].data() + 1};
       double* jacobians[] = {d_pose.data(), d_point.data(), d_focal.data(), d_lens.data()};
-      ReprojectionCost(observation->xy, observation->sigma, state_.reference_rotations[frame])
+      ReprojectionCost(observation->xy,
+                       observation->sigma,
+                       state_.reference_rotations[leader],
+                       RotationFromLeader(state_, leader, frame))
           .Evaluate(parameters, residual.data(), jacobians);
       const double s = residual.squaredNorm(), w = RobustWeight(s);
       const double across = w, along = w - 2 * s * w * w / (kRobustScalePx * kRobustScalePx);
@@ -195,7 +206,7 @@ class ReducedSystem {
   void FindNullSpace() {
     Eigen::MatrixXd basis = Eigen::MatrixXd::Zero(size_, 7);
     for (std::size_t i = 0; i < frame_rows_.size(); ++i) {
-      if (frame_rows_[i] < 0) continue;
+      if (moves_with_[i] != i || frame_rows_[i] < 0) continue;
       auto rows = basis.middleRows<6>(frame_rows_[i]);
       const Eigen::Vector3d centre = state_.poses[i].tail<3>();
       rows.block<3, 3>(3, 0).setIdentity();
@@ -257,7 +268,7 @@ class ReducedSystem {
   const io::ColmapModel& model_;
   const std::vector<FreeIntrinsics>& free_;
   const BundleState state_;
-  const std::vector<std::size_t> lens_owners_;
+  const std::vector<std::size_t> lens_owners_, moves_with_;
   std::vector<Eigen::Index> frame_rows_, focal_rows_, lens_rows_;
   std::vector<std::vector<int>> lens_indices_;  // of the free parameters
   Eigen::Index size_ = 0, n_pose_rows_ = 0;
@@ -271,9 +282,11 @@ class ReducedSystem {
 
 BundleUncertainty EstimateUncertainty(const io::ColmapModel& model,
                                       const std::vector<FreeIntrinsics>& free,
-                                      bool with_poses) {
+                                      bool with_poses,
+                                      const std::vector<std::size_t>& moves_with) {
   const io::PromptStop stop;  // for a thousand pictures, the factorisation takes many seconds
-  return ReducedSystem(model, free).Solve(with_poses);
+  return ReducedSystem(model, free, moves_with.empty() ? MovingAlone(model.scene.frames.size()) : moves_with)
+      .Solve(with_poses);
 }
 
 }  // namespace sfm

@@ -33,10 +33,12 @@ struct BundleUncertainty {
 // the residual r: w and w - 2 s w^2 for Cauchy's loss; m is its mean.
 // Extent: the largest distance of a centre from the mean of the centres.
 //
+// Frames that move together (AdjustmentOptions::moves_with) have one pose, and its uncertainty.
 // A direction that the observations do not determine comes out with a very large, finite sigma. Cost: a dense
 // matrix of 6 rows per frame; with poses 3 times the factorisation (0.1 s at 100 frames, 10 s at 500).
 BundleUncertainty EstimateUncertainty(const io::ColmapModel& model,
                                       const std::vector<FreeIntrinsics>& free,
-                                      bool with_poses);
+                                      bool with_poses,
+                                      const std::vector<std::size_t>& moves_with = {});
 
 }  // namespace sfm

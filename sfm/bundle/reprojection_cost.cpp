@@ -61,7 +61,8 @@ bool ReprojectionCost::Evaluate(double const* const* parameters,
   const Eigen::Matrix3d rotation = RotationFromVector(w) * reference_rotation_;
   const Eigen::Vector3d x_cam = rotation * (point - centre);
 
-  const double depth = -x_cam.z(), u = x_cam.x() / depth, v = -x_cam.y() / depth;
+  const Eigen::Vector3d seen = observer_from_cam_ * x_cam;
+  const double depth = -seen.z(), u = seen.x() / depth, v = -seen.y() / depth;
   const double r2 = u * u + v * v, radial = 1 + r2 * (k1 + r2 * k2);
   const double du = u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u * u);
   const double dv = v * radial + p1 * (r2 + 2 * v * v) + 2 * p2 * u * v;
@@ -85,9 +86,10 @@ bool ReprojectionCost::Evaluate(double const* const* parameters,
   Eigen::Matrix2d d_uv;
   d_uv << radial + u * u * d_radial + 2 * p1 * v + 6 * p2 * u, mixed, mixed,
       radial + v * v * d_radial + 2 * p2 * u + 6 * p1 * v;
-  Matrix23 d_cam;  // d (u, v) / d x_cam
-  d_cam << 1, 0, u, 0, -1, v;
-  d_cam = (Eigen::Vector2d(fl_x, fl_y).asDiagonal() * d_uv * d_cam / depth).eval();
+  Matrix23 d_seen;  // d (u, v) / d seen, times depth
+  d_seen << 1, 0, u, 0, -1, v;
+  const Matrix23 d_cam =
+      Eigen::Vector2d(fl_x, fl_y).asDiagonal() * d_uv * d_seen / depth * observer_from_cam_;
   const Matrix23 d_point = d_cam * rotation;
   if (jacobians[0]) {
     Eigen::Map<Eigen::Matrix<double, 2, 6, Eigen::RowMajor>> d_pose(jacobians[0]);

@@ -255,6 +255,26 @@ TEST(CameraPath, CorridorIsWalkedInTheOrderOfTheCapture) {
   ExpectEvenSpeedWithEase(path);
 }
 
+// Those of one direction follow one another.
+TEST(CameraPath, OfPanoramasTheFirstViewIsFollowed) {
+  const std::vector<io::Rigid3d> ahead = Corridor(1);
+  std::vector<io::Rigid3d> views;
+  for (int side = 0; side < 6; ++side) {
+    for (std::size_t i = 0; i < ahead.size(); ++i) {
+      io::Rigid3d view = ahead[i];
+      view.rotation = view.rotation * Eigen::AngleAxisd(-side * pi / 3, Vector3d::UnitY());
+      views.push_back(view);
+    }
+  }
+  const nerf::CameraPath path = nerf::FitCameraPath(MakeScene(views), 200);
+  const nerf::CameraPath plain = nerf::FitCameraPath(MakeScene(ahead), 200);
+  ASSERT_EQ(path.kind, plain.kind);
+  for (std::size_t i = 0; i < 200; ++i) {
+    EXPECT_LT((path.world_from_cam[i].translation - plain.world_from_cam[i].translation).norm(), 1e-9) << i;
+    EXPECT_LT((path.world_from_cam[i].rotation - plain.world_from_cam[i].rotation).norm(), 1e-9) << i;
+  }
+}
+
 TEST(CameraPath, ShuffledPicturesAreWalkedFromNeighbourToNeighbour) {
   std::vector<io::Rigid3d> poses = Corridor(2);
   const double in_order = nerf::TotalMotion(nerf::FitCameraPath(MakeScene(poses), 100));

@@ -29,9 +29,9 @@ io::Image Panorama(int width = kPanorama) {
   });
 }
 
-// What a pinhole camera shows that looks `degrees` to the right of the panorama's left border.
+// What a pinhole camera shows that looks `degrees` to the right of the panorama's middle.
 io::Image PinholeView(const pipeline::PanoramaViews& views, double degrees) {
-  const double longitude = (degrees - 180) * std::numbers::pi / 180;
+  const double longitude = degrees * std::numbers::pi / 180;
   return textured_room::Photo(views.width(), views.height(), kCentre, [&](double x, double y) {
     const double right = (x - views.width() / 2.) / views.focal_px(),
                  down = (y - views.height() / 2.) / views.focal_px();

@@ -23,6 +23,8 @@ pipeline::Frames TwoKeptOneDropped() {
                          .sharpness = 1.0 / 3,
                          .focal_px = 151.7,
                          .has_mask = true,
+                         .panorama = "p.png",
+                         .heading_deg = 60,
                          .camera_group = 2,
                          .notes = {"grey expanded to RGB"}});
   frames.kept.push_back(
@@ -46,6 +48,8 @@ TEST(Frames, WrittenOnesComeBack) {
     EXPECT_EQ(a.sharpness, b.sharpness);
     EXPECT_EQ(a.focal_px, b.focal_px);
     EXPECT_EQ(a.has_mask, b.has_mask);
+    EXPECT_EQ(a.panorama, b.panorama);
+    EXPECT_EQ(a.heading_deg, b.heading_deg);
     EXPECT_EQ(a.camera_group, b.camera_group);
     EXPECT_EQ(a.time_s, b.time_s);
     EXPECT_EQ(a.notes, b.notes);

@@ -250,4 +250,60 @@ TEST(BundleAdjustment, ImpossibleObservationsAreRefusedByName) {
   refused([](io::ColmapModel* m) { m->observations.clear(); }, "two pictures");
 }
 
+// From each place one view to each of four sides.
+io::ColmapModel Panoramas(double noise_px) {
+  io::ColmapModel model;
+  model.scene.cameras = {SmallCamera()};
+  std::mt19937_64 random(11);
+  for (int i = 0; i < 5; ++i) {
+    const Vector3d centre = Vector3d(0.5 * i, 0, 0) + RandomVector(&random, 0.1);
+    const io::Rigid3d front = LookAt(centre, centre + Vector3d(1, 0.1 * i, 0), Vector3d::UnitZ());
+    for (int side = 0; side < 4; ++side) {
+      io::Rigid3d pose = front;
+      pose.rotation = pose.rotation * Eigen::AngleAxisd(side * std::numbers::pi / 2, Vector3d::UnitY());
+      model.scene.frames.push_back({std::to_string(i) + " " + std::to_string(side) + ".png", 0, pose});
+    }
+  }
+  for (int i = 0; i < 300; ++i)
+    AddPoint(&model,
+             Vector3d(1, 0, 0) + (3 + Uniform(&random)) * RandomVector(&random, 1).normalized(),
+             noise_px,
+             &random);
+  return model;
+}
+
+TEST(BundleAdjustment, FramesThatMoveTogetherKeepTheirPlaceAndTurn) {
+  const io::ColmapModel truth = Panoramas(0);
+  io::ColmapModel together = Panoramas(0.5);
+  std::vector<std::size_t> moves_with;
+  std::mt19937_64 random(3);
+  for (std::size_t i = 0; i < together.scene.frames.size(); i += 4) {
+    const Eigen::Matrix3d turn(Eigen::AngleAxisd(0.03, RandomVector(&random, 1).normalized()));
+    const Vector3d shift = RandomVector(&random, 0.05);
+    for (std::size_t k = i; k < i + 4; ++k) {
+      moves_with.push_back(i + 1);
+      io::Rigid3d& pose = together.scene.frames[k].world_from_cam;
+      pose = {turn * pose.rotation, pose.translation + shift};
+    }
+  }
+  io::ColmapModel alone = together;
+  const sfm::AdjustmentReport report = sfm::AdjustBundle(&together, {.free = {{}}, .moves_with = moves_with});
+  EXPECT_TRUE(report.converged);
+  for (std::size_t i = 0; i < moves_with.size(); ++i) {
+    const io::Rigid3d &own = together.scene.frames[i].world_from_cam,
+                      &leading = together.scene.frames[moves_with[i]].world_from_cam;
+    EXPECT_LT((own.translation - leading.translation).norm(), 1e-12);
+    const Eigen::Matrix3d turn = leading.rotation.transpose() * own.rotation,
+                          true_turn = truth.scene.frames[moves_with[i]].world_from_cam.rotation.transpose() *
+                                      truth.scene.frames[i].world_from_cam.rotation;
+    EXPECT_LT((turn - true_turn).norm(), 1e-9) << i;
+  }
+  const PoseDifference difference = Compare(together.scene, truth.scene);
+  EXPECT_LT(difference.rotation_deg, 0.05);
+  EXPECT_LT(difference.centre, 2e-3);
+  // What four views know of one place is more than what each knows.
+  sfm::AdjustBundle(&alone, {.free = {{}}});
+  EXPECT_LT(difference.rotation_deg, 0.7 * Compare(alone.scene, truth.scene).rotation_deg);
+}
+
 }  // namespace

@@ -31,7 +31,7 @@ TEST(ReprojectionCost, ResidualIsTheProjectionOfTheScene) {
 // Central differences (h = 1e-6 of each parameter's size: error about h^2 and 1e-16 / h, 1e-9 relative of a
 // Jacobian of some 1000 px), and Ceres' own Ridders extrapolation.
 TEST(ReprojectionCost, JacobiansAgreeWithDifferences) {
-  std::mt19937_64 random(3);
+  std::mt19937_64 random(3), axes(4);
   int cases = 0;
   for (const double turn : {0.0, 1e-9, 1e-5, 2e-4, 0.1, 1.0, 2.5}) {
     for (int i = 0; i < 20; ++i, ++cases) {
@@ -44,7 +44,9 @@ TEST(ReprojectionCost, JacobiansAgreeWithDifferences) {
       Vector3d point =
           pose.tail<3>() + rotation.transpose() * (Vector3d(0, 0, -4) + RandomVector(&random, 1.5));
       sfm::IntrinsicVector intrinsics = sfm::ToVector(DistortedCamera());
-      const sfm::ReprojectionCost cost({300, 200}, 1.7, reference);
+      const Eigen::Matrix3d observer_from_cam(
+          Eigen::AngleAxisd(i % 2 ? 0.1 : 0.0, RandomVector(&axes, 1).normalized()));
+      const sfm::ReprojectionCost cost({300, 200}, 1.7, reference, observer_from_cam);
 
       double* blocks[] = {pose.data(), point.data(), intrinsics.data(), intrinsics.data() + 1};
       const int sizes[] = {6, 3, 1, sfm::kLensIntrinsics};

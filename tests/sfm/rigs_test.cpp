@@ -1,0 +1,121 @@
+// Views of panoramas are posed by those of their panorama that are.
+#include "sfm/rigs.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "sfm/second_look.h"
+#include "tests/support/scenes/pose_difference.h"
+#include "tests/support/scenes/sfm_synthetic_model.h"
+
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kPlaces = 5, kSides = 4;
+
+// Panoramas along a line amid a shell of points, each of four views; and the pictures they are.
+struct PanoramaCapture {
+  io::ColmapModel model;
+  std::vector<sfm::Picture> pictures;
+};
+
+PanoramaCapture PanoramaWalk(double noise_px) {
+  PanoramaCapture walk;
+  walk.model.scene.cameras = {SmallCamera()};
+  std::mt19937_64 random(11);
+  for (int i = 0; i < kPlaces; ++i) {
+    const Vector3d centre = Vector3d(0.5 * i, 0, 0) + RandomVector(&random, 0.1);
+    const io::Rigid3d front = LookAt(centre, centre + Vector3d(1, 0.1 * i, 0), Vector3d::UnitZ());
+    for (int side = 0; side < kSides; ++side) {
+      const std::string name = "view" + std::to_string(side) + "_" + std::to_string(i) + ".png";
+      // To the right: against the sense of rotation about y, which is up.
+      io::Rigid3d pose = front;
+      pose.rotation = pose.rotation * Eigen::AngleAxisd(-side * std::numbers::pi / 2, Vector3d::UnitY());
+      walk.model.scene.frames.push_back({name, 0, pose});
+      walk.pictures.push_back({.name = name,
+                               .width = 640,
+                               .height = 480,
+                               .focal_px = 500,
+                               .rig = std::to_string(i) + ".png",
+                               .heading_deg = 90. * side});
+    }
+  }
+  for (int i = 0; i < 300; ++i) {
+    AddPoint(&walk.model,
+             Vector3d(1, 0, 0) + (3 + Uniform(&random)) * RandomVector(&random, 1).normalized(),
+             noise_px,
+             &random);
+  }
+  return walk;
+}
+
+// In the order of the truth.
+io::Scene Sorted(const io::Scene& scene, const io::Scene& truth) {
+  io::Scene sorted = scene;
+  for (std::size_t i = 0; i < truth.frames.size(); ++i) {
+    const auto at = std::find_if(scene.frames.begin(), scene.frames.end(), [&](const io::Frame& frame) {
+      return frame.image_path == truth.frames[i].image_path;
+    });
+    EXPECT_NE(at, scene.frames.end());
+    if (at != scene.frames.end()) sorted.frames[i] = *at;
+  }
+  return sorted;
+}
+
+TEST(Rigs, AViewThatIsPosedPosesItsPanorama) {
+  const PanoramaCapture truth = PanoramaWalk(0);
+  io::ColmapModel model = sfm::WithoutFrames(
+      PanoramaWalk(0.5).model, {"view1_0.png", "view2_0.png", "view0_1.png", "view3_2.png", "view0_4.png"});
+  for (io::Camera& camera : model.scene.cameras) camera.fl_x = camera.fl_y = 505, camera.k1 = 0.01;
+  for (io::Frame& frame : model.scene.frames) {
+    if (frame.image_path == "view2_3.png")  // a wrong pose
+      frame.world_from_cam.rotation =
+          frame.world_from_cam.rotation * Eigen::AngleAxisd(0.1, Vector3d::UnitX());
+  }
+  sfm::BundleUncertainty uncertainty;
+  const sfm::RigReport report = sfm::JoinRigs(truth.pictures, "", &model, &uncertainty);
+  EXPECT_EQ(report.n_rigs, kPlaces);
+  EXPECT_EQ(report.n_added, 6);
+  EXPECT_LT(report.rotation_deg, 1e-6) << "views that agreed before";
+  ASSERT_EQ(model.scene.frames.size(), truth.model.scene.frames.size());
+  const PoseDifference difference = Compare(Sorted(model.scene, truth.model.scene), truth.model.scene);
+  EXPECT_LT(difference.rotation_deg, 0.06);
+  EXPECT_LT(difference.centre, 3e-3);
+  for (std::size_t i = 0; i < model.scene.frames.size(); ++i) {
+    const io::Frame& frame = model.scene.frames[i];
+    const io::Camera& camera = model.scene.cameras[static_cast<std::size_t>(frame.camera_index)];
+    EXPECT_EQ(camera.fl_x, 500) << "as it was cut out";
+    EXPECT_EQ(camera.k1, 0);
+    EXPECT_LT(uncertainty.poses[i].rotation_deg, 0.1);
+    for (std::size_t k = 0; k < i; ++k) {
+      const bool is_one_panorama =
+          model.scene.frames[k].world_from_cam.translation == frame.world_from_cam.translation;
+      if (is_one_panorama) {
+        EXPECT_EQ(uncertainty.poses[k].rotation_deg, uncertainty.poses[i].rotation_deg);
+      }
+    }
+  }
+}
+
+TEST(Rigs, PicturesByThemselvesStayAsTheyAre) {
+  PanoramaCapture walk = PanoramaWalk(0.5);
+  for (sfm::Picture& picture : walk.pictures) picture.rig.clear();
+  const io::ColmapModel before = walk.model;
+  sfm::BundleUncertainty uncertainty;
+  EXPECT_EQ(sfm::JoinRigs(walk.pictures, "", &walk.model, &uncertainty).n_rigs, 0);
+  for (std::size_t i = 0; i < before.scene.frames.size(); ++i)
+    EXPECT_EQ(walk.model.scene.frames[i].world_from_cam.translation,
+              before.scene.frames[i].world_from_cam.translation);
+}
+
+TEST(Rigs, PicturesArePosedByOthersOfTheirPanorama) {
+  std::vector<sfm::Picture> pictures = PanoramaWalk(0).pictures;
+  pictures.push_back({.name = "photo.png", .width = 640, .height = 480});
+  EXPECT_EQ(sfm::PosedWithRigs(pictures, {}), 0);
+  EXPECT_EQ(sfm::PosedWithRigs(pictures, {"view1_2.png"}), kSides);
+  EXPECT_EQ(sfm::PosedWithRigs(pictures, {"view1_2.png", "view3_2.png", "photo.png"}), kSides + 1);
+}
+
+}  // namespace
