@@ -22,6 +22,7 @@
 #include "nerf/data/capture_geometry.h"
 #include "nerf/paths/even_path.h"
 #include "nerf/paths/free_path.h"
+#include "nerf/paths/path_ends.h"
 #include "pipeline/evaluation/evaluation.h"
 #include "pipeline/film/camera_path_file.h"
 #include "pipeline/film/depth_picture.h"
@@ -150,9 +151,13 @@ void FilmMaker::FitPath(Film* film) const {
     film->frames = DefaultFrames(nerf::FitCameraPath(train_, std::max(2, shortest)), options_.fps);
   }
   film->path = nerf::FitCameraPath(train_, std::max(kFewestPoses, film->frames));
-  const std::vector<io::Rigid3d> fitted = film->path.world_from_cam;
+  std::vector<io::Rigid3d> fitted = film->path.world_from_cam;
   film->decisions.push_back("camera path: " + nerf::Describe(film->path));
   const nerf::FreePathReport free = nerf::KeepFree(field_, train_, support_, options_.threads, &film->path);
+  const nerf::CutEnds ends =
+      nerf::CutWeakEnds(field_, train_, support_, options_.threads, &fitted, &film->path);
+  if (ends.first + ends.last > 0)
+    film->decisions.push_back("walk: begins and ends where more than one picture shows what is there");
   nerf::Retime(fitted, std::max(2, film->frames), &film->path);
   std::string line = fmt::format("free path: {} of {} poses were obstructed or looked where no picture did",
                                  free.obstructed,
