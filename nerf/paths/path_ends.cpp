@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kMostCut = 0.125;  // of the path, at each end
 constexpr int kLooks = 25;          // at each end, and along the path to compare with
-constexpr int kSupportSide = 64;       // [px]
+constexpr int kSupportSide = 64;    // [px]
 // Of the picture, above the median along the path: a chair that one picture shows takes as much.
 constexpr double kSlack = 0.05;
 
@@ -66,15 +66,15 @@ CutEnds CutWeakEnds(const TrainedField& field,
     }
     return 0;
   };
-  const CutEnds ends{.first = cut([](int i) { return i; }), .last = cut([&](int i) { return n - 1 - i; })};
+  const int first = cut([](int i) { return i; }), last = cut([&](int i) { return n - 1 - i; });
   const auto shorten = [&](auto* values) {
-    values->erase(values->end() - ends.last, values->end());
-    values->erase(values->begin(), values->begin() + ends.first);
+    values->erase(values->end() - last, values->end());
+    values->erase(values->begin(), values->begin() + first);
   };
   shorten(fitted);
   shorten(&poses);
   if (!path->depths.empty()) shorten(&path->depths);
-  return ends;
+  return {static_cast<double>(first) / n, static_cast<double>(last) / n};
 }
 
 }  // namespace nerf

@@ -9,7 +9,7 @@
 namespace nerf {
 
 struct CutEnds {
-  int first = 0, last = 0;  // poses that were cut off
+  double first = 0, last = 0;  // shares of the path that were cut off
 };
 
 // Cuts the ends of a walk where more of the picture than usual along the path is seen by one training view at

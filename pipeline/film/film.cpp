@@ -157,7 +157,10 @@ void FilmMaker::FitPath(Film* film) const {
   const nerf::CutEnds ends =
       nerf::CutWeakEnds(field_, train_, support_, options_.threads, &fitted, &film->path);
   if (ends.first + ends.last > 0)
-    film->decisions.push_back("walk: begins and ends where more than one picture shows what is there");
+    film->decisions.push_back(
+        fmt::format("walk: {:.0f} and {:.0f} % at its ends are left out: one picture shows them",
+                    100 * ends.first,
+                    100 * ends.last));
   nerf::Retime(fitted, std::max(2, film->frames), &film->path);
   std::string line = fmt::format("free path: {} of {} poses were obstructed or looked where no picture did",
                                  free.obstructed,

@@ -11,7 +11,9 @@
 #include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <new>
 #include <set>
+#include <system_error>
 
 #include "io/base/error.h"
 #include "io/base/natural_order.h"
@@ -123,6 +125,7 @@ std::vector<fs::path> ListFolder(const fs::path& folder) {
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     if (it->path().filename().string()[0] != '.') paths.push_back(it->path());  // .DS_Store and the like
   }
+  if (error == std::errc::not_enough_memory) throw std::bad_alloc();
   if (error) {
     throw Error(ExitCode::kBadInput,
                 PrintableName(folder.string()) + ": cannot be read (" + error.message() + ")",
