@@ -190,6 +190,7 @@ RigReport JoinRigs(const std::vector<Picture>& pictures,
   io::ColmapModel joined = contradicted.empty() ? *model : WithoutFrames(*model, contradicted);
   const auto n_before = joined.scene.frames.size();
   const std::vector<std::size_t> moves_with = PoseAll(rigs, leaders, &joined);
+  joined = WithoutFrames(joined, {});  // nor the cameras that no view has any more
   const std::vector<FreeIntrinsics> held(joined.scene.cameras.size());
   AdjustBundle(&joined, {.free = held, .moves_with = moves_with, .title = title});
   RemoveWeakObservations(&joined);

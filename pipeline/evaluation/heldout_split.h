@@ -9,7 +9,8 @@
 namespace pipeline {
 
 // One per frame; `frames` are in natural order of their names. About one in `every` is held out:
-//   "every"   each every-th, from the first on: views between training views
+//   "every"   each every-th, from the first on: views between training views. Frames at one place, views of
+//             a panorama, are held out together, so that the places are new as well
 //   "sector"  the picture in the middle and those taken nearest to it: one side of the capture, which
 //             training never saw from near by. Positions are compared in units of the capture's radius,
 //             directions of view in radians, and the two are added.

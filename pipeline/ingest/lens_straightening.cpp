@@ -27,6 +27,7 @@ const double kMaxTangent = std::tan(60 * std::numbers::pi / 180);
 constexpr double kMinLongFocal = 0.6;
 // Compared: runs of neighbours, which overlap in videos and walks. Their features: enough for the lens.
 constexpr std::size_t kRuns = 4, kRun = 4;
+constexpr std::size_t kFewest = 4;  // of one camera: six pairs
 // Pictures that shrink more are interpolated at twice their size first: else pixels would be skipped.
 constexpr double kMinScale = 0.8;
 const sfm::FeatureOptions kLooks{.max_features = 2048, .max_image_size = 800};
@@ -140,6 +141,7 @@ void StraightenLenses(const fs::path& folder, const IngestOptions& options, Inge
   }
   for (const auto& [key, pictures] : cameras) {
     const int width = pictures[0]->width, height = pictures[0]->height;
+    if (pictures.size() < kFewest) continue;
     if (pictures[0]->focal_px.value_or(0) > kMinLongFocal * std::max(width, height)) continue;
     const sfm::LensCurvature found = Curvature(folder, pictures, options);
     if (found.curvature == 0) continue;

@@ -79,6 +79,7 @@ TEST(Rigs, AViewThatIsPosedPosesItsPanorama) {
   EXPECT_EQ(report.n_rigs, kPlaces);
   EXPECT_EQ(report.n_added, 6);
   EXPECT_LT(report.rotation_deg, 1e-6) << "views that agreed before";
+  EXPECT_EQ(model.scene.cameras.size(), 1u);
   ASSERT_EQ(model.scene.frames.size(), truth.model.scene.frames.size());
   const PoseDifference difference = Compare(Sorted(model.scene, truth.model.scene), truth.model.scene);
   EXPECT_LT(difference.rotation_deg, 0.06);

@@ -35,6 +35,21 @@ TEST(HeldOutFrames, EveryNthFromTheFirst) {
   EXPECT_EQ(Indices(pipeline::HeldOutFrames(Circle(20), "every", 8)), (std::vector<int>{0, 8, 16}));
 }
 
+TEST(HeldOutFrames, ViewsOfAPanoramaAreHeldOutTogether) {
+  // Those of one direction follow those of another.
+  std::vector<io::Frame> frames = Circle(10);
+  const std::vector<io::Frame> places = frames;
+  for (io::Frame frame : places) {
+    frame.world_from_cam.rotation = frame.world_from_cam.rotation * AngleAxisd(1, Vector3d::UnitY());
+    frames.push_back(frame);
+  }
+  EXPECT_EQ(Indices(pipeline::HeldOutFrames(frames, "every", 8)), (std::vector<int>{0, 8, 10, 18}));
+  // Two places: to leave one out would be half of the capture.
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    frames[i].world_from_cam.translation = places[i % 2].world_from_cam.translation;
+  EXPECT_EQ(Indices(pipeline::HeldOutFrames(frames, "every", 8)), (std::vector<int>{0, 8, 16}));
+}
+
 TEST(HeldOutFrames, ASectorIsOneSideAroundTheMiddlePicture) {
   EXPECT_EQ(Indices(pipeline::HeldOutFrames(Circle(24), "sector", 8)), (std::vector<int>{11, 12, 13}));
   // Places decide, not the order of names.
