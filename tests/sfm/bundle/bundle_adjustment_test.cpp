@@ -264,11 +264,11 @@ io::ColmapModel Panoramas(double noise_px) {
       model.scene.frames.push_back({std::to_string(i) + " " + std::to_string(side) + ".png", 0, pose});
     }
   }
-  for (int i = 0; i < 300; ++i)
-    AddPoint(&model,
-             Vector3d(1, 0, 0) + (3 + Uniform(&random)) * RandomVector(&random, 1).normalized(),
-             noise_px,
-             &random);
+  for (int i = 0; i < 300; ++i) {
+    const double distance = 3 + Uniform(&random);
+    const Vector3d direction = RandomVector(&random, 1).normalized();
+    AddPoint(&model, Vector3d(1, 0, 0) + distance * direction, noise_px, &random);
+  }
   return model;
 }
 
