@@ -57,6 +57,17 @@ TEST(Panorama, IsToldFromOtherWidePictures) {
   photo.height = photo.width / 2;
   photo.data.resize(static_cast<std::size_t>(3 * photo.width * photo.height));
   EXPECT_FALSE(pipeline::IsPanorama(photo)) << "a photo that is twice as wide as high";
+  for (int y = 0; y < photo.height / 4; ++y)  // below a plain sky
+    std::fill_n(photo.Pixel(0, y), 3 * photo.width, std::uint8_t{220});
+  EXPECT_FALSE(pipeline::IsPanorama(photo)) << "its borders do not meet";
+  io::Image tapestry = io::MakeImage(512, 256, 3);
+  for (int y = 0; y < 256; ++y) {
+    for (int x = 0; x < 512; ++x) {
+      const double wave = std::sin(2 * std::numbers::pi * 8 * x / 512) * std::cos(0.05 * y);
+      std::fill_n(tapestry.Pixel(x, y), 3, static_cast<std::uint8_t>(128 + 90 * wave));
+    }
+  }
+  EXPECT_FALSE(pipeline::IsPanorama(tapestry)) << "its borders meet, but it has no pole";
   io::Image product = io::MakeImage(512, 256, 3);
   std::fill(product.data.begin(), product.data.end(), std::uint8_t{255});
   for (int y = 80; y < 200; ++y) std::fill_n(product.Pixel(150, y), 3 * 200, static_cast<std::uint8_t>(y));
