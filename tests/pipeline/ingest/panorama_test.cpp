@@ -63,7 +63,7 @@ TEST(Panorama, IsToldFromOtherWidePictures) {
   io::Image tapestry = io::MakeImage(512, 256, 3);
   for (int y = 0; y < 256; ++y) {
     for (int x = 0; x < 512; ++x) {
-      const double wave = std::sin(2 * std::numbers::pi * 8 * x / 512) * std::cos(0.05 * y);
+      const double wave = std::sin(2 * std::numbers::pi * 8 * x / 512 + 1) * std::cos(0.05 * y);
       std::fill_n(tapestry.Pixel(x, y), 3, static_cast<std::uint8_t>(128 + 90 * wave));
     }
   }
