@@ -188,6 +188,7 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
   OverlayRemoval overlay(static_cast<std::size_t>(std::count_if(
       verdicts.begin(), verdicts.end(), [](const FrameVerdict& verdict) { return verdict.kept; })));
   WriteKeptFrames(video, options, verdicts, measure, folder, &report.frames, &overlay);
+  const std::size_t n_kept = report.frames.kept.size();  // each panorama will be several pictures
   if (options.find_overlay) overlay.Apply(folder, options.threads, &report);
   if (options.find_fisheye) StraightenLenses(folder, options, &report);
   UnrollPanoramas(folder, options, &report);
@@ -195,7 +196,7 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
       fmt::format("{} of {} frames kept: the picture moved by {:.1f} of its widths, and the sharpest frame "
                   "of each equal step "
                   "stays",
-                  report.frames.kept.size(),
+                  n_kept,
                   verdicts.size(),
                   measure.path.back()));
   for (const DroppedPicture& picture : report.frames.dropped) {
@@ -203,11 +204,10 @@ IngestReport IngestVideo(const fs::path& video, const IngestOptions& options, co
       report.decisions.push_back("dropped " + picture.source + ": " + picture.reason);
     }
   }
-  if (report.frames.kept.size() < kMinFrames) {
-    throw Error(
-        ExitCode::kNotReconstructible,
-        fmt::format("{}: almost no motion, {} different views in it", name, report.frames.kept.size()),
-        "Walk around the object while filming");
+  if (n_kept < kMinFrames) {
+    throw Error(ExitCode::kNotReconstructible,
+                fmt::format("{}: almost no motion, {} different views in it", name, n_kept),
+                "Walk around the object while filming");
   }
   return report;
 }

@@ -124,4 +124,31 @@ TEST_F(Ingest, PanoramasBecomeViewsInTheOrderOfTheWalk) {
   EXPECT_NEAR(kept[5]["focal_px"].get<double>(), 300 / (2 * std::tan(50 * std::numbers::pi / 180)), 1);
 }
 
+TEST_F(Ingest, AVideoOfPanoramasIsThatOfItsViews) {
+  // The world moves across the panorama, as when the camera turns.
+  const io::Image panorama = Panorama();
+  const cv::Mat rgb(kPanorama / 2, kPanorama, CV_8UC3, const_cast<std::uint8_t*>(panorama.data.data()));
+  const std::filesystem::path path = base_ / "around.avi";
+  cv::VideoWriter writer(path.string(),
+                         cv::CAP_FFMPEG,
+                         cv::VideoWriter::fourcc('F', 'F', 'V', '1'),
+                         25,
+                         {kPanorama, kPanorama / 2});
+  for (int i = 0; i < 24; ++i) {
+    const int turn = 12 * i;
+    cv::Mat frame(rgb.size(), rgb.type());
+    rgb.colRange(turn, kPanorama).copyTo(frame.colRange(0, kPanorama - turn));
+    if (turn > 0) rgb.colRange(0, turn).copyTo(frame.colRange(kPanorama - turn, kPanorama));
+    writer.write(frame);
+  }
+  writer.release();
+  ASSERT_EQ(Run(path, {"--max-frames", "30"}), 0) << message_;
+  const std::size_t n_views = frames_["kept"].size(), n_frames = n_views / pipeline::PanoramaViews::kCount;
+  EXPECT_EQ(n_views % pipeline::PanoramaViews::kCount, 0u);
+  EXPECT_LE(n_frames, 10u) << "a third of what --max-frames says";
+  EXPECT_GE(n_frames, 5u);
+  EXPECT_NE(message_.find(std::to_string(n_frames) + " of 24 frames kept"), std::string::npos) << message_;
+  EXPECT_EQ(frames_["kept"][n_frames]["heading_deg"], 60);
+}
+
 }  // namespace
