@@ -114,7 +114,7 @@ TEST_F(Ingest, PanoramasBecomeViewsInTheOrderOfTheWalk) {
   EXPECT_EQ(kept[1]["name"], "view1_p10.png");
   EXPECT_EQ(kept[17]["name"], "view6_p11.png");
   std::size_t n_files = 0;
-  for (const auto& entry : fs::directory_iterator(run() / "ingest" / "images")) {
+  for (const auto& entry : std::filesystem::directory_iterator(run() / "ingest" / "images")) {
     const io::Image image = io::ReadImage(entry.path());
     EXPECT_NEAR(std::max(image.width, image.height), 299.5, 0.6)
         << "of the large panorama, not of one of 300";
