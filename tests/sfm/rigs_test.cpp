@@ -16,37 +16,21 @@ using Eigen::Vector3d;
 
 constexpr int kPlaces = 5, kSides = 4;
 
-// Panoramas along a line amid a shell of points, each of four views; and the pictures they are.
+// Posed views of panoramas, and the pictures they are.
 struct PanoramaCapture {
   io::ColmapModel model;
   std::vector<sfm::Picture> pictures;
 };
 
 PanoramaCapture PanoramaWalk(double noise_px) {
-  PanoramaCapture walk;
-  walk.model.scene.cameras = {SmallCamera()};
-  std::mt19937_64 random(11);
-  for (int i = 0; i < kPlaces; ++i) {
-    const Vector3d centre = Vector3d(0.5 * i, 0, 0) + RandomVector(&random, 0.1);
-    const io::Rigid3d front = LookAt(centre, centre + Vector3d(1, 0.1 * i, 0), Vector3d::UnitZ());
-    for (int side = 0; side < kSides; ++side) {
-      const std::string name = "view" + std::to_string(side) + "_" + std::to_string(i) + ".png";
-      // To the right: against the sense of rotation about y, which is up.
-      io::Rigid3d pose = front;
-      pose.rotation = pose.rotation * Eigen::AngleAxisd(-side * std::numbers::pi / 2, Vector3d::UnitY());
-      walk.model.scene.frames.push_back({name, 0, pose});
-      walk.pictures.push_back({.name = name,
-                               .width = 640,
-                               .height = 480,
-                               .focal_px = 500,
-                               .rig = std::to_string(i) + ".png",
-                               .heading_deg = 90. * side});
-    }
-  }
-  for (int i = 0; i < 300; ++i) {
-    const double distance = 3 + Uniform(&random);
-    const Vector3d direction = RandomVector(&random, 1).normalized();
-    AddPoint(&walk.model, Vector3d(1, 0, 0) + distance * direction, noise_px, &random);
+  PanoramaCapture walk{.model = PanoramaModel(kPlaces, noise_px), .pictures = {}};
+  for (std::size_t i = 0; i < walk.model.scene.frames.size(); ++i) {
+    walk.pictures.push_back({.name = walk.model.scene.frames[i].image_path.string(),
+                             .width = 640,
+                             .height = 480,
+                             .focal_px = 500,
+                             .rig = std::to_string(i / kSides) + ".png",
+                             .heading_deg = 90. * static_cast<double>(i % kSides)});
   }
   return walk;
 }

@@ -250,31 +250,9 @@ TEST(BundleAdjustment, ImpossibleObservationsAreRefusedByName) {
   refused([](io::ColmapModel* m) { m->observations.clear(); }, "two pictures");
 }
 
-// From each place one view to each of four sides.
-io::ColmapModel Panoramas(double noise_px) {
-  io::ColmapModel model;
-  model.scene.cameras = {SmallCamera()};
-  std::mt19937_64 random(11);
-  for (int i = 0; i < 5; ++i) {
-    const Vector3d centre = Vector3d(0.5 * i, 0, 0) + RandomVector(&random, 0.1);
-    const io::Rigid3d front = LookAt(centre, centre + Vector3d(1, 0.1 * i, 0), Vector3d::UnitZ());
-    for (int side = 0; side < 4; ++side) {
-      io::Rigid3d pose = front;
-      pose.rotation = pose.rotation * Eigen::AngleAxisd(side * std::numbers::pi / 2, Vector3d::UnitY());
-      model.scene.frames.push_back({std::to_string(i) + " " + std::to_string(side) + ".png", 0, pose});
-    }
-  }
-  for (int i = 0; i < 300; ++i) {
-    const double distance = 3 + Uniform(&random);
-    const Vector3d direction = RandomVector(&random, 1).normalized();
-    AddPoint(&model, Vector3d(1, 0, 0) + distance * direction, noise_px, &random);
-  }
-  return model;
-}
-
 TEST(BundleAdjustment, FramesThatMoveTogetherKeepTheirPlaceAndTurn) {
-  const io::ColmapModel truth = Panoramas(0);
-  io::ColmapModel together = Panoramas(0.5);
+  const io::ColmapModel truth = PanoramaModel(5, 0);
+  io::ColmapModel together = PanoramaModel(5, 0.5);
   std::vector<std::size_t> moves_with;
   std::mt19937_64 random(3);
   for (std::size_t i = 0; i < together.scene.frames.size(); i += 4) {

@@ -81,6 +81,32 @@ inline io::ColmapModel RingModel(
   return model;
 }
 
+// Panoramas along a line amid a shell of points: of each place four views, "view<side>_<place>.png", each
+// turned to the right of the last by a quarter.
+inline io::ColmapModel PanoramaModel(int n_places, double noise_px) {
+  io::ColmapModel model;
+  model.scene.cameras = {SmallCamera()};
+  std::mt19937_64 random(11);
+  for (int i = 0; i < n_places; ++i) {
+    const Eigen::Vector3d centre = Eigen::Vector3d(0.5 * i, 0, 0) + RandomVector(&random, 0.1);
+    const io::Rigid3d front =
+        LookAt(centre, centre + Eigen::Vector3d(1, 0.1 * i, 0), Eigen::Vector3d::UnitZ());
+    for (int side = 0; side < 4; ++side) {
+      io::Rigid3d pose = front;
+      pose.rotation =
+          pose.rotation * Eigen::AngleAxisd(-side * std::numbers::pi / 2, Eigen::Vector3d::UnitY());
+      model.scene.frames.push_back(
+          {"view" + std::to_string(side) + "_" + std::to_string(i) + ".png", 0, pose});
+    }
+  }
+  for (int i = 0; i < 300; ++i) {
+    const double distance = 3 + Uniform(&random);
+    const Eigen::Vector3d direction = RandomVector(&random, 1).normalized();
+    AddPoint(&model, Eigen::Vector3d(1, 0, 0) + distance * direction, noise_px, &random);
+  }
+  return model;
+}
+
 // A ring whose pictures were focused one by one: a camera each, focal lengths within 3 % of 500 px, one lens.
 inline io::ColmapModel OwnFocals(int n_frames, int n_points, double noise_px, std::uint64_t seed) {
   io::Camera camera = SmallCamera();
